@@ -456,6 +456,29 @@ void FrozenVehicle::advance(double h, const double* y, const double* u, const Dr
   }
 }
 
+bool FrozenVehicle::last_terms(double* travel, double* rate, bool lost) const {
+  // A swing that a step goes through many times has accelerations whose terms are 143/154 of those two degrees before, h times them 143/14
+  // times four as large as its rate (exponential.md, 3.4).
+  constexpr double kFalling = 0.5, kOfRate = 41.0;
+  if (std::ranges::none_of(bodies_, &Body::wide)) return false;
+  std::fill_n(travel, model_->nv, 0.0), std::fill_n(rate, model_->nv, 0.0);
+  for (std::size_t i = 0; i < bodies_.size(); ++i) {
+    const Body& b = bodies_[i];
+    for (std::size_t c = 0; c < b.v.size(); ++c) {
+      const auto at = static_cast<Eigen::Index>(c);
+      const auto v = static_cast<std::size_t>(b.v[c]);
+      const double fifth = std::abs(Gamma_[i](at, kDegrees - 1)), third = std::abs(Gamma_[i](at, kDegrees - 3));
+      double term = fifth + std::abs(Gamma_[i](at, kDegrees - 2));
+      if (lost) {
+        const bool held = !b.K.row(at).isZero(0.0) || !b.C.row(at).isZero(0.0);
+        term = held && fifth > kFalling * third ? fifth / kOfRate : 0.0;
+      }
+      travel[v] = step_->h * step_->h * term, rate[v] = step_->h * term;
+    }
+  }
+  return true;
+}
+
 void FrozenVehicle::inside(double s, double* travel, double* rate) const {
   const double h = step_->h;
   const Legendre P = legendre(s);

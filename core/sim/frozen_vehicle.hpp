@@ -38,6 +38,11 @@ class FrozenVehicle {
   /// The same at the fraction s of the last step that started from a state.
   void inside(double s, double* travel, double* rate) const;
 
+  /// Of the last advance(), per velocity component: what the last two terms of its acceleration do through the step, travel and rate; nv
+  /// numbers each, zero of modes in closed form. `lost`: of what a spring or damper of its own holds and has no terms that fall off, the
+  /// amplitude that such terms tell; zero elsewhere. false: every acceleration is as short as what drives it, and nothing is filled in.
+  bool last_terms(double* travel, double* rate, bool lost) const;
+
   /// Lengths of steps that differ by less are one [s]: instants of a schedule are rounded.
   void set_rounding(double dt) { rounding_ = dt; }
   /// Where it is frozen, and the lengths of steps that are kept.

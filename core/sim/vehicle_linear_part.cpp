@@ -208,10 +208,7 @@ void VehicleLinearPart::assemble(double h, double s, double* x) const {
   for (int i = 0; i < nz_; ++i) v[nv_ + i] = x_[static_cast<std::size_t>(nq_ + nv_ + i)] + beyond(nv_ + nq_ + i);
 }
 
-void VehicleLinearPart::effect(double h, const std::array<const double*, 3>& r, double* e) {
-  redone_ = -1;
-  frozen_.advance(h, nullptr, nullptr, r, travel_.data(), rate_.data());
-  const auto beyond = [&](int i) { return h * (r[0][nv_ + i] + r[1][nv_ + i] / 2 + r[2][nv_ + i] / 3); };
+void VehicleLinearPart::spread(const auto& beyond, double* e) {
   std::fill_n(e, x_.size(), 0.0);
   for (const PlainRates& p : model_->plain_rates) std::copy_n(travel_.data() + p.v, p.n, e + p.q);
   std::copy_n(rate_.data(), nv_, e + nq_);
@@ -226,6 +223,21 @@ void VehicleLinearPart::effect(double h, const std::array<const double*, 3>& r, 
     if (hinge.shape != CARDAN_SHAPE_BALL) std::copy_n(travel + 3, 3, e + hinge.q + 4);
   }
   for (int i = 0; i < nz_; ++i) e[nq_ + nv_ + i] = beyond(nv_ + nq_ + i);
+}
+
+void VehicleLinearPart::effect(double h, const std::array<const double*, 3>& r, double* e) {
+  redone_ = -1;
+  frozen_.advance(h, nullptr, nullptr, r, travel_.data(), rate_.data());
+  spread([&](int i) { return h * (r[0][nv_ + i] + r[1][nv_ + i] / 2 + r[2][nv_ + i] / 3); }, e);
+}
+
+bool VehicleLinearPart::last_terms(double* e, double* lost) {
+  const auto none = [](int) { return 0.0; };
+  if (!frozen_.last_terms(travel_.data(), rate_.data(), false)) return false;
+  spread(none, e);
+  frozen_.last_terms(travel_.data(), rate_.data(), true);
+  spread(none, lost);
+  return true;
 }
 
 void VehicleLinearPart::leave_out(double h, double* e) const {

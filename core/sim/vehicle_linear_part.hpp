@@ -28,6 +28,7 @@ class VehicleLinearPart final : public LinearPart {
   void divide(int pieces) override;
   void advance(double h, const std::array<const double*, 3>& r, double* x) override;
   void effect(double h, const std::array<const double*, 3>& r, double* e) override;
+  bool last_terms(double* e, double* lost) override;
   void leave_out(double h, double* e) const override;
   void inside(double s, double* x) override;
   void sizes(const double* x, double* size) const override;
@@ -45,6 +46,8 @@ class VehicleLinearPart final : public LinearPart {
   /// Through a piece of the step: travel_ from its start, rate_.
   void go(int piece);
   void assemble(double h, double s, double* x) const;
+  /// What travel_ and rate_, and the integrals of what is beyond forces, are in x where they are small.
+  void spread(const auto& beyond, double* e);
 
   std::shared_ptr<const Model> model_;
   FrozenVehicle frozen_;

@@ -8,7 +8,8 @@ namespace {
 class Exponential final : public LinearPartIntegrator {
  public:
   Exponential(OdeProblem problem, const IntegratorOptions& options) : LinearPartIntegrator(std::move(problem), options, 3) {
-    e_.setZero(n_), y_share_.setZero(n_y_);
+    for (Eigen::ArrayXd* x : {&e_, &terms_, &lost_, &whole_}) x->setZero(n_);
+    y_share_.setZero(n_y_);
     for (Eigen::ArrayXd* r : {&r_a_, &r_b_}) r->setZero(linear_.size());
   }
 
@@ -16,6 +17,8 @@ class Exponential final : public LinearPartIntegrator {
 
  private:
   double stages(double t1, double h) override {
+    of_rest_ = kNever, of_polynomials_ = of_inside_ = 0.0;
+    linear_.divide(1);
     linear_.advance(0.5 * h, {r_n_.data(), zero_.data(), zero_.data()}, stage_.data());
     if (!rest(t0_ + 0.5 * h, stage_, 1, r_a_)) return kNever;
     r_1_ = 2.0 * r_a_ - r_n_;
@@ -26,10 +29,33 @@ class Exponential final : public LinearPartIntegrator {
     r_2_ = 2.0 * (r_n_ - 2.0 * r_a_ + r_b_), r_1_ = -r_2_;
     linear_.effect(h, {zero_.data(), r_1_.data(), r_2_.data()}, e_.data());
     linear_.leave_out(h, e_.data());
-    const double error = norm(e_);
     through(r_a_, r_b_);
     linear_.advance(h, {r_n_.data(), r_1_.data(), r_2_.data()}, z1_.data());
+    of_rest_ = norm(e_);
+    if (linear_.last_terms(terms_.data(), lost_.data()) && norm(terms_) > 1.0) look_at_polynomials(h);
+    const double error = std::max({of_rest_, of_polynomials_, of_inside_});
+    if (of_rest_ >= error) norm(e_);  // tells which components it is of
     return all_finite(z1_.data(), n_) && std::isfinite(error) ? error : kNever;
+  }
+
+  /// e_ knows of N alone. What is followed by polynomials of the step may swing faster than these can: where their last terms count, the
+  /// step is taken in halves, and they are wrong by what that changes. Events are located, and end steps, inside: halves are less wrong
+  /// there than the whole step, whose error in its middle the start of the second half tells.
+  void look_at_polynomials(double h) {
+    const bool inside = problem_.n_roots > 0;
+    whole_ = z1_;
+    if (inside) linear_.inside(0.5, stage_.data());
+    linear_.divide(2);
+    linear_.advance(h, {r_n_.data(), r_1_.data(), r_2_.data()}, z1_.data());
+    of_polynomials_ = norm((terms_ != 0.0).select((z1_ - whole_).abs().max(lost_.abs()), 0.0));
+    if (!inside) return;
+    linear_.inside(0.5, lost_.data());
+    of_inside_ = norm((terms_ != 0.0).select((stage_ - lost_) / kHalvedInside, 0.0));
+  }
+
+  double growth(double) const override {
+    return 0.9 * std::min({std::pow(of_rest_, -1.0 / 3.0), std::pow(of_polynomials_, -1.0 / kOrderOfPolynomials),
+                           std::pow(of_inside_, -1.0 / kOrderInside)});
   }
 
   /// The rule of order 2 on the same rates, the trapezium, is apart by that; how much it is below what the trapezium adds tells what an
@@ -42,7 +68,12 @@ class Exponential final : public LinearPartIntegrator {
     return y_share_;
   }
 
+  static constexpr double kOrderOfPolynomials = 13.0, kOrderInside = 7.0;  // of a step of six collocation points; on its way
+  static constexpr double kHalvedInside = 128.0;                           // what halves are less wrong by on their way
+
+  double of_rest_ = 0.0, of_polynomials_ = 0.0, of_inside_ = 0.0;  // errors, 1 = what is allowed
   Eigen::ArrayXd e_, r_a_, r_b_, y_share_;
+  Eigen::ArrayXd terms_, lost_, whole_;  // last terms of the polynomials; those that do not fall off; the step in one piece
 };
 
 }  // namespace

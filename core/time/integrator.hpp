@@ -30,6 +30,9 @@ class LinearPart {
   virtual void advance(double h, const std::array<const double*, 3>& r, double* x) = 0;
   /// What such an r alone does to x in h, in one piece: e[n].
   virtual void effect(double h, const std::array<const double*, 3>& r, double* e) = 0;
+  /// After advance() in one piece, where it follows some coordinates of x by polynomials: the last terms of these, e[n], and `lost`, what
+  /// of that falls off too slowly to be a series at all; zero elsewhere. false: it is exact, and nothing is filled in.
+  virtual bool last_terms(double* /*e*/, double* /*lost*/) { return false; }
   /// Zero in the place of what a step of h does not resolve.
   virtual void leave_out(double h, double* e) const = 0;
   /// x at the fraction s of the last advance().

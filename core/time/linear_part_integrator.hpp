@@ -94,6 +94,8 @@ class LinearPartIntegrator : public Integrator {
   /// Stages of the step of h [s] to t1 from z0_, where N is r_n_: z1_ and rates of the integrals. Returns the estimated error, 1 = what is
   /// allowed, kNever where a stage cannot be evaluated.
   virtual double stages(double t1, double h) = 0;
+  /// How many times as long as the last step the next one may be.
+  virtual double growth(double error) const { return 0.9 * std::pow(error, -1.0 / order_); }
   /// Of the step just done, over its length.
   virtual Eigen::ArrayXd& error_of_integrals() = 0;
 
@@ -174,7 +176,7 @@ class LinearPartIntegrator : public Integrator {
       const double h = fitting(h_, left);
       t1_ = h == left ? t_stop : t0_ + h, step_ = h;
       const double error = stages(t1_, h);
-      const double factor = std::clamp(0.9 * std::pow(error, -1.0 / order_), 0.2, 4.0);
+      const double factor = std::clamp(growth(error), 0.2, 4.0);
       if (error <= 1.0) {
         const bool is_longest = h_ == longest, cut = h_ > left;
         const double next = h * (rejections > 0 ? std::min(factor, 1.0) : factor);
