@@ -25,15 +25,19 @@ Argument& Argument::split_at_commas() {
 }
 
 namespace {
-/// Names of files, bodies and the like: an empty one is a variable that a shell does not know.
-std::string expect_some(const std::string& word) { return word.empty() ? "an empty word where a value is expected" : ""; }
+/// An option is not to be empty: a variable that a shell does not know. Words by their place are answered by their command.
+CLI::Option* filled(CLI::Option* option) {
+  if (!option->get_positional())
+    option->check([](const std::string& word) { return word.empty() ? "an empty word where a value is expected" : std::string(); });
+  return option;
+}
 }  // namespace
 
 Argument Command::option(const char* names, std::string& value, const char* what) {
-  return Argument(*app_->add_option(names, value, what)->check(expect_some));
+  return Argument(*filled(app_->add_option(names, value, what)));
 }
 Argument Command::option(const char* names, std::vector<std::string>& value, const char* what) {
-  return Argument(*app_->add_option(names, value, what)->allow_extra_args(false)->check(expect_some));
+  return Argument(*filled(app_->add_option(names, value, what)->allow_extra_args(false)));
 }
 Argument Command::option(const char* names, int& value, const char* what) { return Argument(*app_->add_option(names, value, what)); }
 Argument Command::option(const char* names, std::uint64_t& value, const char* what) {
