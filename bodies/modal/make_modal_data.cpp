@@ -234,6 +234,10 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
         interface.insert(interface.end(), {6 * node, 6 * node + 1, 6 * node + 2, 6 * node + 3, 6 * node + 4, 6 * node + 5});
       }
     if (interface.empty()) refuse(source.at, "points", Code::fe_model, "a point with `interface`, for the craig_bampton boundary", "none");
+  } else if (const auto i = std::ranges::find(points, true, [](const auto& p) { return p.first.interface; }); i != points.end()) {
+    refuse(source.at, fmt::format("points[{}].interface", i - points.begin() - 1), Code::unsupported,
+           "the craig_bampton boundary for a point with `interface`", free ? "free" : "cantilever",
+           "boundary: craig_bampton, or leave `interface` out");
   }
   std::vector<int> fixed = held;
   fixed.insert(fixed.end(), interface.begin(), interface.end());

@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <set>
 
 #include "bodies/modal/lumped.hpp"
 #include "bodies/modal/modal_check.hpp"
@@ -86,6 +87,7 @@ class Reader : public AnyReader {
  public:
   explicit Reader(const Hdf5File& file) : AnyReader(file.file_name()), file_(file) {}
   void numbers(const std::string& path, Array& a, bool optional) override {
+    asked_.push_back(path);
     const Shape expected = a.shape;
     if ((optional && !file_.has(path)) || !has_rows(path, expected, file_.shape(path), optional))
       a = {Shape(expected.size(), 0), {}};
@@ -93,11 +95,21 @@ class Reader : public AnyReader {
       a = {expected, file_.read_doubles(path).values};
   }
   void text(const std::string& path, std::string& value, bool optional) override {
+    asked_.push_back(path);
     value = optional && !file_.has(path) ? "" : file_.read_text(path);
+  }
+  /// Once all is read: what is not a part of a modal file, a word that is spelled differently or an item beyond `count`, is refused.
+  void expect_nothing_else() const {
+    const std::set<std::string> known(asked_.begin(), asked_.end());
+    for (const std::string& path : file_.datasets("/"))
+      if (!known.contains(path))
+        refuse({path, {file_.file_name()}}, {}, Code::bad_result_file, "a part of a modal file", in_quotes(printable(path)),
+               did_you_mean(path, asked_) + "remarks may stand in attributes; docs/modal_files.md has all parts");
   }
 
  private:
   const Hdf5File& file_;
+  std::vector<std::string> asked_;
 };
 
 class Hasher : public Archive {
@@ -322,6 +334,7 @@ std::string read(const Hdf5File& file, ModalData& data) {
   const Parts parts{file.has("/integrals"), file.has("/nodes"), file.has("/mass_nodes"), file.has("/audit"), file.has("/drawing")};
   if (!parts.integrals && !parts.mass_nodes) bad_file(name, "/integrals", "integrals, or mass nodes to compute them from", "neither");
   io(reader, data, parts);
+  reader.expect_nothing_else();
   if (!parts.integrals) {
     ModalData lumped = lumped_modal_data(std::move(data.mass_nodes), std::move(data.K), std::move(data.C), std::move(data.nodes));
     if (!data.source.empty()) lumped.source = std::move(data.source);

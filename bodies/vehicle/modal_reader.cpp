@@ -144,8 +144,12 @@ class ModalReader {
     matrices.mass = path("mass", "the name of a matrix in the Matrix Market format", true);
     matrices.stiffness = path("stiffness", "the name of a matrix in the Matrix Market format", true);
     matrices.damping = path("damping", "the name of a matrix in the Matrix Market format", false);
-    if (const auto root = map.find("root"))
+    if (const auto root = map.find("root")) {
       for (const DocRef& name : items(*root, "a list of nodes")) matrices.root.push_back(read_text(name, "the name of a node", context_));
+      if (root->node->kind == Kind::list && root->node->items.empty())
+        context_.sink.report(Code::wrong_type, root->at(), "the nodes that the body frame holds: [name, ...]", "an empty list",
+                             "without the key it is the node at the origin; `boundary: free` holds none");
+    }
     map.finish();
     return matrices;
   }

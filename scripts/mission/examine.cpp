@@ -61,16 +61,27 @@ void expect_away_from_centre(const Scenario& s) {
   }
 }
 
+/// `subject`: "controller \"law\"", "device wheel", whose ticks come every `period` seconds.
+void look_at_period(Scenario& s, const Located& at, const std::string& subject, double period) {
+  const double ticks = s.mission.duration / period;
+  const std::string got = fmt::format("a tick every {:.3g} s: {:.3g} of them in {:g} s", period, ticks, s.mission.duration);
+  if (ticks > kTooManyTicks)
+    refuse(Code::out_of_range, at, fmt::format("at most {:g} ticks in a run", kTooManyTicks), got, "did you mean another unit?");
+  if (ticks > kManyTicks)
+    s.warnings.add(Code::mission_doubt, at, fmt::format("{} has {}, and the integrator starts again after each", subject, got),
+                   "ten times the fastest motion of interest is enough");
+}
+
 void look_at_ticks(Scenario& s) {
-  for (const Controller& c : s.controllers) {
-    const double ticks = s.mission.duration / seconds(c.period);
-    const std::string got = fmt::format("a tick every {:.3g} s: {:.3g} of them in {:g} s", seconds(c.period), ticks, s.mission.duration);
-    if (ticks > kTooManyTicks)
-      refuse(Code::out_of_range, c.at, fmt::format("at most {:g} ticks in a run", kTooManyTicks), got, "did you mean another unit?");
-    if (ticks > kManyTicks)
-      s.warnings.add(Code::mission_doubt, c.at,
-                     fmt::format("controller \"{}\" has {}, and the integrator starts again after each", c.name, got),
-                     "ten times the fastest motion of interest is enough");
+  for (const Controller& c : s.controllers) look_at_period(s, c.at, fmt::format("controller \"{}\"", c.name), seconds(c.period));
+  for (const DeviceSpec& d : s.model->spec->devices) {
+    const auto at = [&](const char* key) { return s.model->spec->locate(fmt::format("devices.{}.{}", d.name, key)); };
+    if (d.rate > 0.0 || d.period > 0.0)
+      look_at_period(s, at(d.rate > 0.0 ? "rate" : "period"), "device " + d.name, d.rate > 0.0 ? 1.0 / d.rate : d.period);
+    if (d.offset > s.mission.duration)
+      s.warnings.add(
+          Code::no_effect, at("offset"),
+          fmt::format("the first tick of {}, at {:g} s, is after the end of the run at {:g} s", d.name, d.offset, s.mission.duration));
   }
 }
 

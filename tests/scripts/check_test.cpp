@@ -247,6 +247,24 @@ TEST_F(Physics, ControllersThatNeverGetThroughAreRefused) {
   EXPECT_EQ(codes(), "W0501 ");
 }
 
+TEST_F(Physics, DevicesThatNeverGetThroughOrNeverBegin) {
+  const auto sampled = [&](const std::string& when) {
+    write("cardan: 1\nbodies:\n  p: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}\ndevices:\n  gyro: {type: imu, at: p, " +
+              when + "}\n",
+          "vehicle \"v.yaml\"\nmission { duration = 600 }\n");
+  };
+  sampled("rate: 1 GHz");
+  const Finished f = check();
+  EXPECT_EQ(f.exit_code, 2);
+  EXPECT_TRUE(has(f.err, "C0301") && has(f.err, "devices.gyro.rate") && has(f.err, "6e+11")) << f.err;
+  sampled("rate: 100 kHz");
+  EXPECT_EQ(codes(), "W0501 ");
+  sampled("rate: 100 Hz, offset: 601 s");
+  EXPECT_EQ(codes(), "W0303 ");
+  sampled("rate: 100 Hz, offset: 600 s");
+  EXPECT_EQ(codes(), "");
+}
+
 // A slide of 1 kg on 1e4 N/m: 100 rad/s, classic Runge-Kutta is stable on the imaginary axis up to 2 sqrt(2).
 TEST_F(Physics, AFixedStepThatIsTooLongForASpringIsToldBeforeTheRunWithOneThatWorks) {
   const auto with_step = [&](const char* step, int rate = 1) {

@@ -61,6 +61,24 @@ TEST(ModalFile, WithoutAHashIsTaken) {
   EXPECT_EQ(answer(test::beam(), [](Hdf5File&) {}), "accepted");
 }
 
+TEST(ModalFile, HasNothingThatIsNotRead) {
+  const ModalData data = lumped();
+  const auto also = [&](const std::string& path) { return with(data, path, {0.5}, {}); };
+  EXPECT_EQ(also("/nodes/0/phi"), "C0702") << "for Phi, without which the node does not move with the body";
+  EXPECT_EQ(also("/nodes/9/position"), "C0702") << "beyond nodes/count";
+  EXPECT_EQ(also("/mass_node/count"), "C0702");
+  EXPECT_EQ(also("/D"), "C0702");
+  EXPECT_EQ(answer(data, [](Hdf5File& file) { file.set_attribute("/K", "remark", std::string("from a test")); }), "accepted");
+  try {
+    write_modal_file(scratch("spelled.h5"), data);
+    Hdf5File::update(scratch("spelled.h5")).write("/integrals/i9", 1.0);
+    read_modal_file(scratch("spelled.h5"));
+    ADD_FAILURE() << "not refused";
+  } catch (const InputError& e) {
+    EXPECT_NE(std::string(e.what()).find("did you mean \"/integrals/I9\"?"), std::string::npos) << e.what();
+  }
+}
+
 TEST(ModalFile, OfAnotherShapeIsRefusedBeforeItIsRead) {
   const ModalData data = lumped();
   const auto zeros = [](const Shape& shape) {
@@ -126,7 +144,8 @@ TEST(ModalFile, WithCountsThatCannotBeIsRefused) {
     for (double count : {-1.0, 1e18, 1e9, kNaN, HUGE_VAL, 0.5, 4.0})
       EXPECT_EQ(with(data, path, {count}, {}), "C0702") << path << " " << count;
   EXPECT_EQ(with(data, "/n_modes", {0.0}, {}), "C0702");
-  EXPECT_EQ(with(data, "/nodes/count", {1.0}, {}), "accepted") << "the others are not read";
+  EXPECT_EQ(with(data, "/nodes/count", {1.0}, {}), "C0702") << "the others would not be read";
+  EXPECT_EQ(with(data, "/mass_nodes/count", {1.0}, {}), "C0702") << "their mass would be missing";
 }
 
 TEST(ModalFile, OfNoPhysicalBodyIsRefusedAsLumpedMassesAre) {

@@ -172,6 +172,11 @@ TEST(ModalSource, CraigBamptonKeepsItsConstraintModes) {
   ModalSource s = round_beam(20, 4);
   s.boundary = Boundary::craig_bampton;
   s.points[0].interface = true;
+  for (const Boundary other : {Boundary::cantilever, Boundary::free}) {
+    ModalSource without = s;
+    without.boundary = other;
+    EXPECT_THROW(make_modal_data(without), InputError) << "an interface without Craig-Bampton modes";
+  }
   const ModalData d = make_modal_data(s);
   EXPECT_EQ(d.n_modes, 10);
   EXPECT_EQ(d.audit[9].reason, "set of 4 fixed-interface and 6 constraint modes");

@@ -49,6 +49,14 @@ TEST(ModalSource, OfABeam) {
   EXPECT_EQ(source.at.key_path, "modal");
 }
 
+TEST(ModalSource, AnEmptyRootIsRefused) {
+  const auto with = [](const std::string& root) {
+    return read("matrices: {nodes: n.csv, mass: m.mtx, stiffness: k.mtx, root: " + root + "}\nmodes: {count: 2}\n");
+  };
+  EXPECT_EQ(std::get<MatrixModel>(with("[a, b]").model).root, (std::vector<std::string>{"a", "b"}));
+  EXPECT_THROW(with("[]"), InputError) << "it would hold the node at the origin, as no key does";
+}
+
 TEST(ModalSource, OfASandwichPlateOnAYoke) {
   const ModalSource source = read(R"(
 plate:
