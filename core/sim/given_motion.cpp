@@ -134,21 +134,21 @@ bool Simulation::close_loops(double t, double* q, double* v) {
   drive_loops(t, std::min(t, stretch_), drives_);
   unless_thrown([&] { closed = loops_->close(q, v, drives_.data()); });
   if (!closed) breakdown_ = loops_->breakdown();
-  if (closed && loops_->pivot() < kNearSingular) tell_near_singular();
+  if (closed && loops_->pivot() < kNearSingular)
+    tell_near_singular(fmt::format("has a scaled pivot of {:.2g}, below {:g}", loops_->pivot(), kNearSingular));
   drifted_ = drifted_ || loops_->distance() > kDrift * options_.integrator.relative_tolerance;
   return closed;
 }
 
 // Once for each loop.
-void Simulation::tell_near_singular() {
+void Simulation::tell_near_singular(const std::string& what) {
   const int row = loops_->weakest();
   const Loop& loop = *std::ranges::find_if(model_->loops.all, [row](const Loop& l) { return row < l.first + l.rows; });
   Located at = model_->spec->locate("loops." + loop.name);
   for (const Warning& w : warnings_.all())
     if (w.what.code == Code::near_singular && w.what.at.key_path == at.key_path) return;
-  warn(Code::near_singular, std::move(at),
-       fmt::format("row {} of the loop has a scaled pivot of {:.2g}, below {:g}", row - loop.first + 1, loops_->pivot(), kNearSingular),
-       "multipliers grow as its inverse, and the way on may be another branch: see docs/errors.md");
+  warn(Code::near_singular, std::move(at), fmt::format("row {} of the loop {}", row - loop.first + 1, what),
+       "multipliers grow as the inverse of its pivot, and loops that begin there may go on in another branch: see docs/errors.md");
 }
 
 // A state that was given is closed but for rounding and typing.

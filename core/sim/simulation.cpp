@@ -338,13 +338,7 @@ OdeProblem Simulation::ode() {
   ode.integrands = [this](double t, const double* x, double* ydot) {
     if (!unless_thrown([&] { integrands(t, x, ydot); })) std::fill_n(ydot, Balances::kIntegrals, 0.0);
   };
-  if (normalised_ || !prescribed_.empty() || loops_)
-    ode.project = [this](double t, double* x) {
-      if (normalised_) unless_thrown([&] { model_->normalise(x); });
-      give_motion(t, x, x + model_->nq);
-      if (loops_ && !close_loops(t, x, x + model_->nq)) x[0] = std::numeric_limits<double>::quiet_NaN();  // a smaller step, or the end
-      if (momentum_ && !acted_on()) momentum_->keep(x, x + model_->nq);
-    };
+  if (normalised_ || !prescribed_.empty() || loops_) ode.project = [this](double t, double* x) { project(t, x); };
   ode.absolute_tolerance = absolute_tolerances();
   ode.group.assign(static_cast<std::size_t>(ode.n), 0);
   for (const SweepBody& b : m.bodies) {
@@ -352,18 +346,8 @@ OdeProblem Simulation::ode() {
     std::fill_n(ode.group.begin() + m.nq + b.etadot, b.n_modes, 1);
   }
   std::fill_n(ode.group.begin() + m.nq + m.nv, m.devices.n_z, 2);
-  ode.n_roots = static_cast<int>(events_.size() + limits_.size() + m.devices.holds.size()) + m.devices.n_roots;
-  if (ode.n_roots > 0)
-    ode.roots = [this](double t, const double* x, double* g) {
-      for (std::size_t i = 0; i < events_.size(); ++i) g[i] = events_[i].function(t, x, x + model_->nq);
-      for (std::size_t i = 0; i < limits_.size(); ++i) g[events_.size() + i] = x[limits_[i].q] - limits_[i].value;
-      double* of_devices = g + events_.size() + limits_.size();
-      const bool known = unless_thrown([&] {
-        if (model_->devices.n_roots > 0) device_roots(t, x, of_devices);
-        if (holding_) hold_roots(t, x, of_devices + model_->devices.n_roots);
-      });
-      if (!known) std::fill_n(of_devices, static_cast<std::size_t>(model_->devices.n_roots) + model_->devices.holds.size(), 1.0);
-    };
+  ode.n_roots = n_roots();
+  if (ode.n_roots > 0) ode.roots = [this](double t, const double* x, double* g) { roots(t, x, g); };
   twin_.reset();
   if (options_.dynamics == Dynamics::dense) {
     expect_twin_takes(m, options_.integrator);
@@ -427,6 +411,31 @@ OdeProblem Simulation::ode() {
     return true;
   };
   return ode;
+}
+
+// An accepted state onto unit quaternions, given motions and closed loops. NaN: the loops cannot be closed from there; a smaller step, or
+// the end.
+void Simulation::project(double t, double* x) {
+  if (normalised_) unless_thrown([&] { model_->normalise(x); });
+  give_motion(t, x, x + model_->nq);
+  if (loops_ && !close_loops(t, x, x + model_->nq)) x[0] = std::numeric_limits<double>::quiet_NaN();
+  if (momentum_ && !acted_on()) momentum_->keep(x, x + model_->nq);
+}
+
+int Simulation::n_roots() const {
+  return static_cast<int>(events_.size() + limits_.size() + model_->devices.holds.size()) + model_->devices.n_roots;
+}
+
+// Of events, stops, devices and what they hold: functions whose sign changes are located.
+void Simulation::roots(double t, const double* x, double* g) {
+  for (std::size_t i = 0; i < events_.size(); ++i) g[i] = events_[i].function(t, x, x + model_->nq);
+  for (std::size_t i = 0; i < limits_.size(); ++i) g[events_.size() + i] = x[limits_[i].q] - limits_[i].value;
+  double* of_devices = g + events_.size() + limits_.size();
+  const bool known = unless_thrown([&] {
+    if (model_->devices.n_roots > 0) device_roots(t, x, of_devices);
+    if (holding_) hold_roots(t, x, of_devices + model_->devices.n_roots);
+  });
+  if (!known) std::fill_n(of_devices, static_cast<std::size_t>(model_->devices.n_roots) + model_->devices.holds.size(), 1.0);
 }
 
 // Loads and forces at (t, q, v), of devices too, without dynamics.

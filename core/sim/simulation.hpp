@@ -257,8 +257,13 @@ class Simulation {
   bool hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way);
   void settle_holds();
   bool hold_events(std::span<const int> crossed);
+  void project(double t, double* x);
+  int n_roots() const;
+  void roots(double t, const double* x, double* g);
   bool close_loops(double t, double* q, double* v);
-  void tell_near_singular();
+  /// After a step, where the loops are near a posture in which a row of them holds nothing.
+  void pass_singular_posture(double t_stop);
+  void tell_near_singular(const std::string& what);
   void start_closed();
   bool device_events(std::span<const int> crossed);
   void sample_devices(bool late);
@@ -287,6 +292,7 @@ class Simulation {
   void make_integrator_once();
   void remember(Archive& archive);
   void start_anew(Archive& archive);
+  void restart();
   void step(double t_stop);
   void tick();
   void handle_events(std::span<const int> crossed);
@@ -411,6 +417,16 @@ class Simulation {
   Inputs acting_;                                 // of the method `ida`, as act() left them
   std::vector<double> tau_, tau_total_;           // of actuators; with springs and dampers, which evaluate() sets where they act
   std::vector<double> vdot_given_, x_;
+  /// Of closed loops: states of one smooth stretch of motion that were reached, the newest first, with their smallest pivots, which fall.
+  struct Trail {
+    struct Reached {
+      double t = 0.0, pivot = 1.0;
+      std::vector<double> x;
+    };
+    std::array<Reached, 5> all;
+    int n = 0;
+    void add(double t, double pivot, const std::vector<double>& x);
+  } trail_;
   std::vector<double> hold_tau_, hold_vdot_, hold_x_;         // scratch
   std::vector<LoopDrive> hold_drives_;                        // likewise
   std::vector<double> x_given_;                               // a state of the integrator with the given motions put in

@@ -50,17 +50,22 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   write_outputs();
 }
 
+// The integrator, at the present state.
+void Simulation::restart() {
+  settle_holds();
+  start_given_motion();
+  start_closed();
+  pack(x_.data());
+  integrator_->restart(state_.t, x_.data());
+  if (*restart_ != RestartCause::loops) trail_.n = 0;  // x' may be another from here on
+  if (loops_ && trail_.n == 0) trail_.add(state_.t, loops_->pivot(), x_);
+  history_.restarted(*restart_);
+  restart_.reset();
+}
+
 // One step of the integrator towards t_stop: commands are constant, the right-hand side is smooth.
 void Simulation::step(double t_stop) {
-  if (restart_) {
-    settle_holds();
-    start_given_motion();
-    start_closed();
-    pack(x_.data());
-    integrator_->restart(state_.t, x_.data());
-    history_.restarted(*restart_);
-    restart_.reset();
-  }
+  if (restart_) restart();
   breakdown_ = {};
   bad_rate_ = -1;
   drifted_ = false;
@@ -98,6 +103,9 @@ void Simulation::step(double t_stop) {
   // v' of a prescribed motion jumps at a corner; the history of a multi-step method is not on closed loops.
   if (report.t == corner) start_anew_for(RestartCause::corner);
   if (drifted_ && integrator_->keeps_unprojected()) start_anew_for(RestartCause::loops);
+  if (!loops_ || report.event || stopped_) return;
+  trail_.add(state_.t, loops_->pivot(), x_);
+  pass_singular_posture(t_stop);
 }
 
 // x' = [ N(q) v ; v' ; z' ],  v' = M^-1 (tau + springs + devices - C + gravity + wrenches) by the articulated sweeps.
