@@ -61,6 +61,22 @@ template bool forward_dynamics(const Model&, soa::Workspace<soa::Lanes<8>>&, con
 template bool forward_dynamics(const Model&, soa::Workspace<soa::Tangent>&, const soa::Inputs<soa::Tangent>&, soa::Tangent*,
                                StateLoads<soa::Tangent>*);
 
+namespace {
+
+/// A body on `root` or outboard of it whose mass matrix is not that of its deformed shape (docs/mathematics/flexible.md, 2); empty: none.
+std::string truncated_outboard(const Model& model, int root) {
+  for (int k = static_cast<int>(model.bodies.size()) - 1; k >= root; --k) {
+    const SweepBody& body = model.bodies[static_cast<std::size_t>(k)];
+    if (body.n_modes == 0 || model.flexible[static_cast<std::size_t>(body.flexible)].level >= 2) continue;
+    int inboard = k;
+    while (inboard > root) inboard = model.bodies[static_cast<std::size_t>(inboard)].parent;
+    if (inboard == root) return model.user[static_cast<std::size_t>(model.owner[static_cast<std::size_t>(k)])].name;
+  }
+  return "";
+}
+
+}  // namespace
+
 RunFailure describe_breakdown(const Model& model, const soa::Breakdown& bad, double t) {
   RunFailure f{Code::singular_hinge, t, "", "", "", "", ""};
   if (bad.row >= 0) {
@@ -79,6 +95,8 @@ RunFailure describe_breakdown(const Model& model, const soa::Breakdown& bad, dou
   const std::string direction = mode ? "its modes" : u.v_names[bad.component];
   f.what = fmt::format("{} = {:.3g}, limit {:.3g}, direction: {}", mode ? "modal inertia" : "D", bad.value, bad.limit, direction);
   f.hint = "a body without mass or inertia in that direction, or a value that is not finite; see docs/errors.md";
+  if (const std::string deformed = truncated_outboard(model, bad.body); bad.value < 0.0 && !deformed.empty())
+    f.hint = fmt::format("modes of {} have deformed it beyond what its level can describe: level 2 keeps a mass matrix positive definite", deformed);
   return f;
 }
 
