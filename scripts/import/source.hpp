@@ -26,7 +26,8 @@ struct XmlView {
   const XmlDefaults* defaults = nullptr;
   std::string_view tag{};  // under which it stands among the defaults; empty: its own name
 
-  const XmlAttribute* find(std::string_view name) const;
+  /// An attribute, or of several (words separated by spaces) the one nearest: the element's own before those of classes.
+  const XmlAttribute* find(std::string_view names) const;
 };
 
 class RobotSource {
