@@ -99,6 +99,24 @@ TEST_F(Regress, ADifferenceFailsWithItsTimeItsLimitAndTheReasonOfThat) {
   EXPECT_FALSE(has(page, "http:") || has(page, "https:")) << "no network";
 }
 
+// As many words as components: "N m s" of three was taken for N, m and s.
+TEST_F(Regress, UnitsOfSeveralWordsAreThoseOfEachComponent) {
+  add("units", R"(cardan_golden: 1
+truth: constants of the script
+channels:
+  - {channel: h, class: truth, absolute: 1e-9 N m s, why: constants, reference: {final: [1, 2, 3], unit: N m s}}
+  - {channel: k, class: truth, absolute: 1e-9 kg m^2/s, why: constants, reference: {final: [4, 5], unit: kg m^2/s}}
+  - {channel: reactions/rod, components: [mx, my, mz], class: truth, absolute: 1e6 N m, why: a unit, reference: {final: [0, 0, 0], unit: N m}}
+)");
+  write(dir_ / "units/scenario.lua", file_text(dir_ / "units/scenario.lua") + R"(
+local s = signals { h = { unit = "N m s", components = { "x", "y", "z" } }, k = { unit = "kg m^2/s", components = { "a", "b" } } }
+controller { name = "constants", rate = "10 Hz", step = function() s.h(1, 2, 3) s.k(4, 5) end }
+)");
+  const Finished run = regress();
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+  EXPECT_TRUE(has(file_text(dir_ / "out/regress/units/report.html"), "\"N*m*s N*m*s N*m*s\"")) << "each on the page";
+}
+
 TEST_F(Regress, AFailedCheckOfTheScenarioFails) {
   add("swing", printed() + "settings: {start: 31 deg}\n");  // which the period knows
   EXPECT_EQ(regress().exit_code, 1);
