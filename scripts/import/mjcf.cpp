@@ -186,7 +186,13 @@ class MjcfReader {
       }
     } else if (e.name == "tendon" || e.name == "deformable") {
       if (!e.children.empty()) source_.cannot(e, e.name, "joints, connect, weld and joint equalities");
-    } else if (is_word_of("actuator sensor contact", e.name)) {
+    } else if (is_word_of("actuator contact", e.name)) {
+      for (const XmlElement& child : e.children)
+        if (child.name == "include")
+          cannot_be_here(child, "elements of MJCF");
+        else
+          source_.leave_force(e.name + " " + child.name);
+    } else if (e.name == "sensor") {
       for (const XmlElement& child : e.children) source_.leave(e.name + " " + child.name);
     } else if (is_word_of("size statistic visual asset keyframe custom", e.name)) {
       source_.leave(e.name);

@@ -151,6 +151,7 @@ std::vector<std::string> RobotSource::notes() {
       refuse(Code::command_line, {"--leave-out"}, "the name of something in the file that cannot be honoured", in_quotes(asked));
   std::vector<std::string> out;
   if (!left_.empty()) out.push_back("left out, without meaning here: " + counted(left_));
+  if (!forces_.empty()) out.push_back("left to devices of the vehicle and to the mission, no force here: " + counted(forces_));
   if (!asked_.empty()) out.push_back("left out, as asked for: " + counted(asked_));
   out.insert(out.end(), notes_.begin(), notes_.end());
   return out;

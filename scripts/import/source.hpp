@@ -58,6 +58,8 @@ class RobotSource {
   bool asked_to_leave_out(const std::string& feature, std::string_view name);
   /// Counts what is left out because it means nothing here: "visual".
   void leave(const std::string& what) { ++left_[what]; }
+  /// Counts what pushes, by a command or without one, and is left to devices and the mission: "actuator position".
+  void leave_force(const std::string& what) { ++forces_[what]; }
   /// Attributes that are neither `known` nor `ignored` are refused by name.
   void expect_attributes(const XmlElement& e, std::string_view known, std::string_view ignored = {});
 
@@ -66,7 +68,7 @@ class RobotSource {
   std::vector<std::string> notes();
 
  private:
-  std::map<std::string, int> left_, asked_;
+  std::map<std::string, int> left_, forces_, asked_;
   std::set<std::string, std::less<>> used_;
   std::vector<std::string> notes_;
 };

@@ -467,6 +467,17 @@ TEST(ImportMjcf, ABodyWithoutGeomsKeepsItsInertialWhereGeomsGoBeforeIt) {
 }
 
 // Of the forms of orientation one counts: another than quat goes before quat, that of the element before that of its class.
+TEST(ImportMjcf, ForcesThatAreLeftOutAreToldByKind) {
+  std::vector<std::string> notes;
+  spec_of(
+      "<mujoco><worldbody><body name='b'><joint name='j'/><geom size='1'/></body></worldbody><actuator><position joint='j' kp='10'/><motor "
+      "joint='j'/></actuator><sensor><jointpos joint='j'/></sensor></mujoco>",
+      {}, &notes);
+  EXPECT_EQ(notes, (std::vector<std::string>{
+                       "left out, without meaning here: 1 sensor jointpos",
+                       "left to devices of the vehicle and to the mission, no force here: 1 actuator motor, 1 actuator position"}));
+}
+
 TEST(ImportMjcf, OneFormOfOrientationCounts) {
   const auto axis_of = [](const std::string& of_class, const std::string& own) {  // z of a site
     const SystemSpec spec = spec_of("<mujoco><default><site " + of_class +
