@@ -99,6 +99,18 @@ TEST_F(Regress, ADifferenceFailsWithItsTimeItsLimitAndTheReasonOfThat) {
   EXPECT_FALSE(has(page, "http:") || has(page, "https:")) << "no network";
 }
 
+// Forges show one alone of tests that have one name.
+TEST_F(Regress, AChannelThatIsClaimedTwiceIsTwoTests) {
+  const std::string claim =
+      R"(  - {channel: hinges/rod/angle, class: truth, absolute: 1 rad, why: a bound, reference: {final: [0.1], unit: rad}}
+)";
+  add("twice", "cardan_golden: 1\ntruth: a bound\nchannels:\n" + claim + replaced(claim, "1 rad", "1e-9 rad"));
+  EXPECT_EQ(regress().exit_code, 1);
+  const std::string junit = file_text(dir_ / "out/regress/junit.xml");
+  EXPECT_TRUE(has(junit, "name=\"channel: hinges/rod/angle\" time=\"0.000\"/>")) << junit;
+  EXPECT_TRUE(has(junit, "name=\"channel: hinges/rod/angle (2)\" time=\"0.000\">\n      <failure")) << junit;
+}
+
 // As many words as components: "N m s" of three was taken for N, m and s.
 TEST_F(Regress, UnitsOfSeveralWordsAreThoseOfEachComponent) {
   add("units", R"(cardan_golden: 1
