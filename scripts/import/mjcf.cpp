@@ -47,6 +47,7 @@ class MjcfReader {
     if (const XmlAttribute* name = root_.attribute("model")) robot_.name = name->value;
     robot_.gravity = Vec3<double>{0, 0, -9.81};
     classes_.emplace("main", &all_classes_.emplace_back());
+    bodies_.emplace("world", -1);
     if (source_.options.base != ImportOptions::Base::automatic)
       refuse(Code::command_line, {"--base"}, "an option of URDF alone", "a file in MJCF", "there a freejoint makes a base free");
     for (const XmlElement& e : root_.children) {
@@ -567,7 +568,8 @@ class MjcfReader {
     if (!a || (!b && e.attribute("body2"))) return;
     c.from.link = *a;
     c.to.link = b ? *b : -1;
-    const Pose<double> of_a = in_world_[static_cast<std::size_t>(*a)], of_b = b ? in_world_[static_cast<std::size_t>(*b)] : Pose<double>{};
+    const auto in_world = [&](int k) { return k < 0 ? Pose<double>{} : in_world_[static_cast<std::size_t>(k)]; };
+    const Pose<double> of_a = in_world(c.from.link), of_b = in_world(c.to.link);
     if (c.type == "point") {
       const Pose<double> anchor{Mat3<double>::identity(), source_.vector({e}, "anchor", std::nullopt)};
       c.from.place.X = anchor;

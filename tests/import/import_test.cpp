@@ -607,6 +607,10 @@ TEST(ImportMjcf, WeldsHoldTheRelativePose) {
   const LoopSpec to_world = loop("<connect body1='a' anchor='0 0 1'/>");
   EXPECT_EQ(to_world.to.body, "");
   EXPECT_LE(distance(to_world.to.position, Vector3d(1, 0, 1)), 1e-15);
+  const LoopSpec from_world = loop("<weld body1='world' body2='b'/>");
+  EXPECT_EQ(from_world.from.body, "");
+  EXPECT_LE(distance(from_world.from.position, Vector3d(0, 2, 0)), 0.0);
+  EXPECT_EQ(loop("<connect body1='a' body2='world' anchor='0 0 1'/>").to.position, to_world.to.position);
   const LoopSpec sites = loop("<connect site1='s' site2='t'/>");
   EXPECT_LE(distance(sites.to.position, Vector3d(1, -2, 1)), 0.0);
 }
