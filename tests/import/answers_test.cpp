@@ -112,7 +112,7 @@ TEST(ImportAnswers, LeaveOutDoesWithoutWhatItNamesAndNothingElse) {
 
 TEST(ImportAnswers, ToOptionsThatNameNothing) {
   ImportOptions options;
-  options.initial = {{"elbov", 1.0}};
+  options.initial = {{"elbov", "1"}};
   const std::string file = CARDAN_SOURCE_DIR "/tests/import/robots/double_pendulum.urdf";
   EXPECT_NE(answer_to(bytes_of(file), file, options).find("did you mean \"elbow\"?"), std::string::npos);
   options.initial.clear();

@@ -123,7 +123,7 @@ TEST(ImportUrdf, AMimicJointMovesWithTheOther) {
   for (const bool free : {false, true}) {
     ImportOptions options;
     options.base = free ? ImportOptions::Base::free : ImportOptions::Base::fixed;
-    options.initial = {{"left", 0.02}};
+    options.initial = {{"left", "0.02"}};
     const SystemSpec spec = spec_of_file("gripper.urdf", options);
     const auto model = compiled(spec);
     EXPECT_EQ(spec.bodies[1].name, "finger_1");
@@ -506,7 +506,7 @@ TEST(ImportMjcf, ASiteLiesInTheMiddleOfItsEnds) {
 // What follows by a polynomial starts where it must, and stays there.
 TEST(ImportMjcf, EqualitiesBeyondLinearAreCouplingsToo) {
   ImportOptions options;
-  options.initial.emplace_back("k", 0.4);
+  options.initial.emplace_back("k", "0.4");
   const SystemSpec spec = spec_of(
       "<mujoco><compiler angle='radian'/><worldbody>"
       "<body name='a'><joint name='j' axis='0 1 0'/><inertial pos='0.1 0 0' mass='1' diaginertia='1 1 1'/></body>"
