@@ -128,7 +128,14 @@ class MjcfReader {
         source_.cannot(flag, flag.name, "flag");
         continue;
       }
+      source_.expect_attributes(flag, "gravity constraint equality frictionloss limit passive spring damper",
+                                "contact actuation clampctrl warmstart filterparent refsafe sensor midphase nativeccd eulerdamp autoreset "
+                                "override energy fwdinv invdiscrete multiccd island sleep");
       for (const XmlAttribute& a : flag.attributes) {
+        if (!is_word_of("enable disable", a.value)) {
+          source_.report(Code::wrong_type, flag, a.name, "enable or disable", in_quotes(a.value));
+          continue;
+        }
         if (a.name == "gravity" && a.value == "disable") no_gravity_ = true;
         if (is_word_of("constraint equality frictionloss limit passive spring damper", a.name) && a.value == "disable")
           source_.cannot(flag, a.name, "what the file describes, switched on");
