@@ -162,6 +162,7 @@ class MjcfReader {
       if (child.name == "joint") source_.expect_attributes(child, kJoint, kJointIgnored);
       if (child.name == "geom") source_.expect_attributes(child, kGeom, kGeomIgnored);
       if (child.name == "site") source_.expect_attributes(child, kSite, kSiteIgnored);
+      if (child.name == "geom" || child.name == "site") one_orientation(child);
       if (!is_word_of("joint geom site equality mesh material camera light pair tendon general motor position velocity intvelocity damper "
                       "cylinder muscle adhesion dcmotor plugin",
                       child.name))
@@ -230,6 +231,8 @@ class MjcfReader {
     if (!type || !is_word_of("capsule cylinder ellipsoid box", type->value))
       source_.report(Code::not_imported, v.element, "fromto", "fromto of a capsule, cylinder, ellipsoid or box",
                      fmt::format("of a {}", type ? type->value : "sphere"));
+    if (length(source_.vector(v, "pos", Vec3<double>{})) > 0)
+      source_.report(Code::duplicate_key, v.element, "fromto", "fromto, or pos", "both");
     const auto f = source_.numbers(v, "fromto", 6, nullptr);
     const Vec3<double> a{f[0], f[1], f[2]}, b{f[3], f[4], f[5]}, d = a - b;
     if (!(length(d) > 1e-10)) {
@@ -365,6 +368,7 @@ class MjcfReader {
     source_.expect_attributes(e, "pos mass diaginertia fullinertia quat axisangle xyaxes zaxis euler");
     const XmlView v{e};
     const RobotPlace place = read_place(v);
+    if (!v.find("pos")) source_.report(Code::missing_key, e, "pos", "pos: 3 numbers", "no such attribute");
     RobotInertial out;
     out.mass = source_.number(v, "mass", std::nullopt);
     out.com = place.X.p;
