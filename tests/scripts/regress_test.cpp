@@ -691,7 +691,11 @@ TEST_F(Diff, TellsWhatDiffersWhereAndByHowMuch) {
   const Finished report = run_program({"report", "a", "b"}, dir_.path());
   EXPECT_EQ(report.exit_code, 1) << report.err;
   EXPECT_TRUE(has(file_text(dir_ / "a/differences.html"), "hinges/rod/angle angle"));
-  EXPECT_EQ(diff({"a", "b", "--relative", "0.1"}).exit_code, 1) << "balances are round-off, which another run has otherwise";
+  EXPECT_EQ(diff({"a", "b", "--relative", "0.1"}).exit_code, 1) << "moments of the pin are round-off, which another run has otherwise";
+  const Finished but_for_rounding = diff({"a", "b", "--relative", "0.1", "--absolute", "1e-12"});
+  EXPECT_EQ(but_for_rounding.exit_code, 0) << but_for_rounding.out;
+  EXPECT_EQ(diff({"a", "b", "--relative", "1e-9", "--absolute", "1e-12"}).exit_code, 1);
+  for (const char* wrong : {"-1", "inf", "nan"}) EXPECT_EQ(diff({"a", "b", "--absolute", wrong}).exit_code, 2) << wrong;
 }
 
 TEST_F(Diff, OfOtherTimesIsToldClearly) {
