@@ -90,6 +90,12 @@ constexpr NamedDimension kNamed[] = {
     {"fourth moment of area", "m^4", {4}},
     {"bending stiffness", "N m^2", {3, 1, -2}},
     {"gravitational parameter", "m^3/s^2", {3, 0, -2}},
+    {"current", "A", {0, 0, 0, 1}},
+    {"voltage", "V", {2, 1, -3, -1}},
+    {"resistance", "V/A", {2, 1, -3, -2}},
+    {"magnetic field", "T", {0, 1, -2, -1}},
+    {"magnetic moment", "A m^2", {2, 0, 0, 1}},
+    {"strength of a dipole", "T m^3", {3, 1, -2, -1}},
 };
 constexpr std::string_view kBase[] = {"m", "kg", "s", "A", "K", "rad"};
 

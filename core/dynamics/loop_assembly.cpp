@@ -4,6 +4,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <numeric>
 
 #include "core/dynamics/loop_pass.hpp"
 #include "core/linalg/dense.hpp"
@@ -66,17 +67,65 @@ struct Here {
   double most_doubt = kDoubt;
 };
 
+std::vector<std::uint8_t> held_components(const Model& m, bool rates) {
+  std::vector<std::uint8_t> held(static_cast<std::size_t>(m.nv), 1);  // modes stay
+  for (std::size_t i = 0; i < m.user.size(); ++i) {
+    const UserBody& u = m.user[i];
+    const HingeSpec& hinge = m.spec->bodies[i].hinge;
+    const bool given = !m.spec->assembly.hold && !(rates ? hinge.v : hinge.q).empty();
+    for (int v = u.v; v < u.v + u.nv; ++v)
+      held[static_cast<std::size_t>(v)] = given || (m.has_prescribed() && m.prescribed[static_cast<std::size_t>(v)] != 0);
+  }
+  if (m.spec->assembly.hold)
+    for (const std::string& name : *m.spec->assembly.hold)
+      for (const int v : components_of(m, name)) held[static_cast<std::size_t>(v)] = 1;
+  return held;
+}
+
+/// Loops in sets that have no component in common that may move: each closes by itself, or not.
+std::vector<std::vector<std::size_t>> sets_of_loops(const Model& model) {
+  const std::vector<std::uint8_t> held = held_components(model, false);
+  std::vector<std::size_t> set(model.loops.all.size());
+  std::vector<int> first(static_cast<std::size_t>(model.nv), -1);  // loop that has the component
+  for (std::size_t l = 0; l < set.size(); ++l) {
+    set[l] = l;
+    for (const int v : model.loops.all[l].rates) {
+      if (held[static_cast<std::size_t>(v)] != 0) continue;
+      int& other = first[static_cast<std::size_t>(v)];
+      if (other < 0) {
+        other = static_cast<int>(l);
+        continue;
+      }
+      const auto [to, from] = std::minmax(set[l], set[static_cast<std::size_t>(other)]);
+      std::ranges::replace(set, std::size_t{from}, std::size_t{to});
+    }
+  }
+  std::vector<std::vector<std::size_t>> out;
+  for (std::size_t s = 0; s < set.size(); ++s) {
+    std::vector<std::size_t> loops;
+    for (std::size_t l = 0; l < set.size(); ++l)
+      if (set[l] == s) loops.push_back(l);
+    if (!loops.empty()) out.push_back(std::move(loops));
+  }
+  return out;
+}
+
 class Assembler {
  public:
-  Assembler(Model& model, Workspace& ws, VectorXd q, const MatrixXd& M) : m_(model), ws_(ws), q0_(std::move(q)) {
+  /// Of some of the loops; the others stay as they are.
+  Assembler(Model& model, Workspace& ws, VectorXd q, const MatrixXd& M, std::vector<std::size_t> loops)
+      : m_(model), ws_(ws), q0_(std::move(q)), loops_(std::move(loops)) {
     const std::vector<std::uint8_t> held = held_components(model, false);
     std::vector<std::uint8_t> on_the_way(static_cast<std::size_t>(m_.nv), 0);
-    for (const Loop& loop : m_.loops.all)
+    for (const std::size_t l : loops_) {
+      const Loop& loop = m_.loops.all[l];
       for (const int v : loop.rates) on_the_way[static_cast<std::size_t>(v)] = 1;
+      for (int i = loop.first; i < loop.first + loop.rows; ++i) rows_.push_back(i);
+    }
     for (int v = 0; v < m_.nv; ++v)
       if (on_the_way[static_cast<std::size_t>(v)] != 0 && held[static_cast<std::size_t>(v)] == 0) free_.push_back(v);
     root_ = root_of(free_, M);
-    for (const Loop& loop : m_.loops.all) reach_ = std::max(reach_, kReach * loop.lever);
+    for (const std::size_t l : loops_) reach_ = std::max(reach_, kReach * m_.loops.all[l].lever);
     turns_ = turning(m_);
   }
 
@@ -208,13 +257,14 @@ class Assembler {
     const auto scale = rows();
     const auto G =
         Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(ws_.loops->G.data(), m_.loops.rows, m_.nv);
-    return {scale * Eigen::Map<const VectorXd>(ws_.loops->c.data(), m_.loops.rows),
-            root_.triangularView<Eigen::Lower>().solve((scale * G)(Eigen::all, free_).transpose()).transpose(), in_doubt_ ? kWeak : kDoubt};
+    const VectorXd c = scale * Eigen::Map<const VectorXd>(ws_.loops->c.data(), m_.loops.rows);
+    return {c(rows_), root_.triangularView<Eigen::Lower>().solve((scale * G)(rows_, free_).transpose()).transpose(),
+            in_doubt_ ? kWeak : kDoubt};
   }
 
   /// Hinges that close loops go on from where they are.
   void settle() {
-    for (std::size_t l = 0; l < m_.loops.all.size(); ++l)
+    for (const std::size_t l : loops_)
       if (m_.loops.all[l].hinge) m_.loops.all[l].q0 = ws_.loops->q[l];
   }
 
@@ -253,25 +303,11 @@ class Assembler {
     return false;
   }
 
-  static std::vector<std::uint8_t> held_components(const Model& m, bool rates) {
-    std::vector<std::uint8_t> held(static_cast<std::size_t>(m.nv), 1);  // modes stay
-    for (std::size_t i = 0; i < m.user.size(); ++i) {
-      const UserBody& u = m.user[i];
-      const HingeSpec& hinge = m.spec->bodies[i].hinge;
-      const bool given = !m.spec->assembly.hold && !(rates ? hinge.v : hinge.q).empty();
-      for (int v = u.v; v < u.v + u.nv; ++v)
-        held[static_cast<std::size_t>(v)] = given || (m.has_prescribed() && m.prescribed[static_cast<std::size_t>(v)] != 0);
-    }
-    if (m.spec->assembly.hold)
-      for (const std::string& name : *m.spec->assembly.hold)
-        for (const int v : components_of(m, name)) held[static_cast<std::size_t>(v)] = 1;
-    return held;
-  }
-
   Model& m_;
   Workspace& ws_;
   VectorXd q0_;
-  std::vector<int> free_;
+  std::vector<std::size_t> loops_;
+  std::vector<int> free_, rows_;
   MatrixXd root_;
   std::vector<std::uint8_t> turns_;
   double reach_ = 0.0;
@@ -281,16 +317,31 @@ class Assembler {
 }  // namespace
 
 bool assemble_start(Model& model, Workspace& ws, const std::function<MatrixXd(const VectorXd&)>& inertia, bool places, State& start,
-                    std::string& may_move) {
+                    std::vector<std::vector<std::string>>& may_move) {
   const State given = start;
   const MatrixXd M = inertia(start.q);
-  Assembler assembler(model, ws, start.q, M);
-  std::vector<std::string> names;
-  for (const int v : assembler.free()) names.push_back(name_of_component(model, v).coordinate);
-  may_move = fmt::format("{}", fmt::join(names, ", "));
+  const std::vector<std::vector<std::size_t>> sets = sets_of_loops(model);
+  std::vector<std::size_t> all(model.loops.all.size());
+  std::iota(all.begin(), all.end(), std::size_t{0});
+  Assembler assembler(model, ws, start.q, M, all);
+  may_move.assign(all.size(), {});
+  for (const auto& set : sets) {
+    const Assembler part(model, ws, start.q, M, set);
+    for (const int v : part.free())
+      for (const std::size_t l : set) may_move[l].push_back(name_of_component(model, v).coordinate);
+  }
   bool closed = !places;
   if (places && !assembler.free().empty()) {
     closed = assembler.close(start.q);
+    if (!closed && sets.size() > 1) {  // what closes by itself is not at fault
+      closed = true;
+      start.q = given.q;
+      for (const auto& set : sets) {
+        Assembler part(model, ws, start.q, M, set);
+        if (!part.close(start.q)) closed = false;
+      }
+      if (!closed) assembler.move_along(start.q, inertia(start.q), start.v);
+    }
     if (closed) assembler.approach(start.q);
   }
   if (closed) assembler.move_along(start.q, inertia(start.q), start.v);

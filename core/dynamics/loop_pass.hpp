@@ -169,9 +169,10 @@ void push_open_tree(const Model& model, Workspace& ws, const Inputs& in, LoopPas
 std::vector<std::uint8_t> turning(const Model& model);
 /// The start that is nearest in the metric of the mass matrix (weighted) and closes the loops: hinges that may move do, on the way from the
 /// given one without passing a singular posture; and the rates nearest to the given ones. `places`: not only the rates are open.
-/// `may_move` names the coordinates. False: not closed; as near as it got.
+/// `may_move` names the coordinates, loop by loop. False: not closed; loops that share no such coordinate with one that cannot be closed
+/// are closed all the same, the others as near as they got.
 bool assemble_start(Model& model, Workspace& ws, const std::function<Eigen::MatrixXd(const Eigen::VectorXd&)>& inertia, bool places,
-                    State& start, std::string& may_move);
+                    State& start, std::vector<std::vector<std::string>>& may_move);
 void make_room_for_loops(const Model& model, Workspace& ws);
 /// gamma_b of all bodies, which only an outward sweep changes: what keep_loads leaves out where loops are closed inside of the sweeps.
 void keep_gamma(const Model& model, Workspace& ws);

@@ -65,22 +65,24 @@ OpenRows open_rows(const Model& model, const LoopPass& pass, const LoopWork& wor
   return out;
 }
 
-/// `may_move`: what the assembler tried; where that is nothing, what was given is at fault.
-void refuse_open_start(const Model& model, const OpenRows& open, const std::string& may_move) {
+/// `may_move`: what the assembler tried, loop by loop; where that is nothing, what was given is at fault.
+void refuse_open_start(const Model& model, const OpenRows& open, const std::vector<std::vector<std::string>>& may_move) {
   if (!open.any_place && !open.any_rate) return;
   DiagnosticSink sink;
-  std::string nearest;
-  for (const MovedAtStart& m : model.loops.moved)
-    if (!m.unit.ends_with("/s")) nearest += fmt::format("{}{} {:.6g} {}", nearest.empty() ? ", at " : ", ", m.name, m.found, m.unit);
   for (std::size_t l = 0; l < model.loops.all.size(); ++l) {
     const auto report = [&](const std::string& expected, const std::string& got, const char* hint) {
       if (!got.empty()) sink.report(Code::open_start, model.spec->locate("loops." + model.loops.all[l].name), expected, got, hint);
     };
-    if (may_move.empty())
+    std::string nearest;
+    for (const MovedAtStart& m : model.loops.moved)
+      if (!m.unit.ends_with("/s") && std::ranges::find(may_move[l], m.name) != may_move[l].end())
+        nearest += fmt::format("{}{} {:.6g} {}", nearest.empty() ? ", at " : ", ", m.name, m.found, m.unit);
+    if (may_move[l].empty())
       report("initial coordinates that close it", open.places[l],
              "give `initial` of the hinges between its ends the values that bring them together, or none: they are found then");
     else
-      report(fmt::format("a place of {} that closes it", may_move), open.places[l].empty() ? "" : open.places[l] + nearest,
+      report(fmt::format("a place of {} that closes it", fmt::join(may_move[l], ", ")),
+             open.places[l].empty() ? "" : open.places[l] + nearest,
              "none nearer was found from the start without passing a singular posture; begin elsewhere, or hold less (assembly: {hold: "
              "[...]})");
     if (open.places[l].empty())
@@ -237,7 +239,7 @@ void prepare_loops(Model& model) {
   };
   OpenRows open = measure();
   if (open.any_place || open.any_rate) {
-    std::string may_move;
+    std::vector<std::vector<std::string>> may_move;
     assemble_start(model, ws, inertia, open.any_place, start, may_move);
     open = measure();
     refuse_open_start(model, open, may_move);

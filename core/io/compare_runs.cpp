@@ -26,9 +26,12 @@ double two_sided_quantile(double p) {
   return high;
 }
 
+/// Residuals are errors over the size of what is in balance, which is 1 by that.
+bool is_residual(const Column& c) { return c.path.starts_with("ledger/") || c.path == "loops/residual"; }
+
 double scale_of(const Column& c, std::size_t component) {
   const std::size_t width = c.components.size();
-  double scale = 0.0;
+  double scale = is_residual(c) && c.units[component] == "1" ? 1.0 : 0.0;
   for (std::size_t i = 0; i < c.values.size(); ++i)
     if (c.units[i % width] == c.units[component] && std::isfinite(c.values[i])) scale = std::max(scale, std::abs(c.values[i]));
   return scale;

@@ -73,7 +73,8 @@ struct ComponentDifference {
   Difference worst;
 };
 
-/// Two runs, `second` as the reference of `first`, at the times that both have.
+/// Two runs, `second` as the reference of `first`, at the times that both have. Residuals of the ledger and of loops are relative numbers
+/// as they are: their scale is at least 1.
 struct RunDifference {
   std::size_t rows = 0;                                    // compared
   std::size_t rows_of_first = 0, rows_of_second = 0;       // in all

@@ -4,18 +4,14 @@
 #include <cmath>
 #include <limits>
 
+#include "core/io/run_columns.hpp"
+
 namespace cardan {
 
 void RangeRecorder::begin(const RunHeader& header, const std::vector<Channel>& channels) {
   for (const Channel& c : channels) {
-    std::vector<std::string> units;  // one for all, or one each
-    for (std::size_t from = 0; c.components.size() > 1 && from <= c.unit.size();) {
-      const std::size_t to = std::min(c.unit.find(' ', from), c.unit.size());
-      units.push_back(c.unit.substr(from, to - from));
-      from = to + 1;
-    }
-    for (std::size_t i = 0; i < c.components.size(); ++i)
-      ranges_.push_back({c.path, c.components[i], units.size() == c.components.size() ? units[i] : c.unit, HUGE_VAL, -HUGE_VAL});
+    const std::vector<std::string> units = units_of_components(c.unit, c.components.size());
+    for (std::size_t i = 0; i < c.components.size(); ++i) ranges_.push_back({c.path, c.components[i], units[i], HUGE_VAL, -HUGE_VAL});
   }
   for (const Channel& c : channels) hashed_.push_back({c.path, c.components.size(), {}});
   recorder_.begin(header, channels);

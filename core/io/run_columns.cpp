@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <sstream>
 
 #include "core/base/diagnostic.hpp"
@@ -63,6 +64,10 @@ void put(ByteWriter& out, const std::vector<double>& numbers) {
   out.number(numbers.size());
   out.raw(numbers.data(), numbers.size() * sizeof(double));
 }
+std::vector<std::string> words_of(const std::string& text) {
+  std::istringstream words(text);
+  return {std::istream_iterator<std::string>(words), {}};
+}
 std::vector<std::string> take_texts(ByteReader& in) {
   std::vector<std::string> out(std::min(in.number(), in.left()));
   for (std::string& text : out) text = in.text();
@@ -83,12 +88,22 @@ const Column* RunColumns::find(std::string_view path) const {
   return found == columns.end() ? nullptr : &*found;
 }
 
+std::string unit_of_channel(std::vector<std::string> units) {
+  if (units.empty()) return "1";
+  const bool equal = std::ranges::all_of(units, [&](const std::string& unit) { return unit == units.front(); });
+  if (equal && (units.size() == 1 || words_of(units.front()).size() != units.size())) return units.front();
+  for (std::string& unit : units) unit = fmt::format("{}", fmt::join(words_of(unit), "*"));
+  return fmt::format("{}", fmt::join(units, " "));
+}
+
 std::vector<std::string> units_of_components(const std::string& unit, std::size_t components) {
-  std::istringstream words(unit);
-  std::vector<std::string> units;
-  for (std::string word; words >> word;) units.push_back(word);
-  const bool one_for_all = units.size() != components || components == 1 || unit == "N m";  // of two torques
-  if (one_for_all) units.assign(components, unit);
+  std::vector<std::string> units = words_of(unit);
+  // Results of before wrote "Nm", and two torques as "N m".
+  if (units.size() != components || components == 1 || unit == "N m") return std::vector<std::string>(components, unit);
+  for (std::string& one : units) {
+    std::ranges::replace(one, '*', ' ');
+    if (one == "Nm") one = "N m";
+  }
   return units;
 }
 
@@ -143,8 +158,7 @@ void write_packed_columns(const std::string& h5_path, const RunColumns& run,
       const std::string path = kRoot + "/" + c.path;
       file.write_packed(path, c.values, {run.times.size(), c.components.size()});
       file.set_attribute(path, "components", c.components);
-      const bool one = std::ranges::all_of(c.units, [&](const std::string& unit) { return unit == c.units.front(); });
-      file.set_attribute(path, "unit", one ? c.units.front() : fmt::format("{}", fmt::join(c.units, " ")));
+      file.set_attribute(path, "unit", unit_of_channel(c.units));
     }
     file.close();
     file.rename(h5_path);

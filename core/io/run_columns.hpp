@@ -26,7 +26,10 @@ struct RunColumns {
   const Column* find(std::string_view path) const;
 };
 
-/// One unit for each component: a channel has one for all, or one for each, separated by spaces.
+/// The unit of a channel as its text: one for all components, or one for each, separated by spaces. Within such a one products are written
+/// by `*` ("N*m N*m N"), and so is one for all of just as many words as there are components ("N*m*s N*m*s N*m*s").
+std::string unit_of_channel(std::vector<std::string> units);
+/// Back from the text: a unit for each component.
 std::vector<std::string> units_of_components(const std::string& unit, std::size_t components);
 
 /// The times and those channels for which `wanted` is true (all of them without it) of results or of a file of their layout (/time,

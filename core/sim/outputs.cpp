@@ -8,18 +8,11 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/base/units.hpp"
+#include "core/io/run_columns.hpp"
 #include "core/model/device_units.hpp"
 
 namespace cardan {
 namespace {
-
-/// One unit if all are equal, else one each.
-std::string units_of(std::vector<std::string> units) {
-  const bool equal = std::all_of(units.begin(), units.end(), [&](const auto& u) { return u == units[0]; });
-  if (equal) return units.empty() ? "1" : units[0];
-  for (auto& u : units) u.erase(std::remove(u.begin(), u.end(), ' '), u.end());  // spaces separate the units
-  return fmt::format("{}", fmt::join(units, " "));
-}
 
 NodeState node_now(Simulation& sim, int id) { return sim.observe().node(sim.now().node[static_cast<std::size_t>(id)]); }
 
@@ -115,7 +108,7 @@ class Outputs {
     for (std::uint32_t j = 0; j < family->nv; ++j) units.push_back(force_unit(family->v_units[j]));
     const bool prescribed = !model_.spec->bodies[at(index)].hinge.prescribed.empty();
     if (has_quaternion(*family) && !prescribed) return;
-    add(path + "force", names, units_of(units), "",
+    add(path + "force", names, unit_of_channel(units), "",
         prescribed ? "force of the actuators; of prescribed components, that which the motion needs"
                    : "force of the actuators, springs and dampers not included",
         [&sim = sim_, id, family, prescribed, all = std::vector<double>()](double* x) mutable {
@@ -175,7 +168,7 @@ class Outputs {
                    const int i = sim.model().loops.find(name);
                    *x = i < 0 ? 0.0 : sim.loop_forces().multipliers[at(sim.model().loops.all[at(i)].first)];
                  });
-    add(path + "reaction", {"mx", "my", "mz", "fx", "fy", "fz"}, units_of({"N m", "N m", "N m", "N", "N", "N"}), "from of " + l.name,
+    add(path + "reaction", {"mx", "my", "mz", "fx", "fy", "fz"}, unit_of_channel({"N m", "N m", "N m", "N", "N", "N"}), "from of " + l.name,
         "moment and force that the loop transmits to its end `to`, at that node", [&sim = sim_, name = l.name](double* x) {
           const int i = sim.model().loops.find(name);
           const Force<double> f = i < 0 ? Force<double>{} : sim.loop_wrench(i);
@@ -198,8 +191,9 @@ class Outputs {
     if (i < 0 || i >= static_cast<int>(model_.user.size()))
       refuse(Code::unknown_body, {"reactions to record"}, fmt::format("an index below {}", model_.user.size()), fmt::format("{}", i));
     const std::string& name = model_.user[static_cast<std::size_t>(i)].name;
-    add("reactions/" + name, {"mx", "my", "mz", "fx", "fy", "fz"}, units_of({"N m", "N m", "N m", "N", "N", "N"}), "pnode of " + name,
-        "moment and force that the inboard hinge transmits to the body", [&sim = sim_, id = id_of(sim_.now().body, i)](double* x) {
+    add("reactions/" + name, {"mx", "my", "mz", "fx", "fy", "fz"}, unit_of_channel({"N m", "N m", "N m", "N", "N", "N"}),
+        "pnode of " + name, "moment and force that the inboard hinge transmits to the body",
+        [&sim = sim_, id = id_of(sim_.now().body, i)](double* x) {
           const Force<double> f = sim.observe().hinge_wrench(sim.now().body[at(id)]);
           x[0] = f.n.x, x[1] = f.n.y, x[2] = f.n.z, x[3] = f.f.x, x[4] = f.f.y, x[5] = f.f.z;
         });

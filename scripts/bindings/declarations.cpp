@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/base/units.hpp"
+#include "core/io/run_columns.hpp"
 #include "scripts/bindings/bind.hpp"
 #include "scripts/lua/table.hpp"
 #include "scripts/mission/scenario.hpp"
@@ -210,6 +211,7 @@ int signals(lua_State* L, Scenario& s) {
     c.meaning = t->text("meaning").value_or("");
     c.components = t->texts("components").value_or(std::vector<std::string>{path.substr(path.rfind('/') + 1)});
     if (c.components.empty()) t->reject("components", "at least one name");
+    c.unit = unit_of_channel(std::vector<std::string>(c.components.size(), c.unit));
     c.commands = t->text("commands").value_or("");
     if (!c.commands.empty() && !is_attitude(c.components))
       t->reject("components", R"({ "w", "x", "y", "z" } of what commands an attitude)");

@@ -45,6 +45,7 @@ void expect_channels(Scenario& s) {
   if (s.signals.empty()) return;
   std::map<std::string, int> paths;  // how often
   ++paths["reference/difference"];   // of --check-against-reference
+  ++paths["time"];                   // whose hash stands beside theirs
   std::vector<std::string> attitudes;
   for (const Output& o : mission_outputs(s)) {
     ++paths[o.channel.path];
@@ -55,6 +56,10 @@ void expect_channels(Scenario& s) {
     if (!commanded.empty() && std::ranges::find(attitudes, commanded) == attitudes.end())
       refuse(Code::unknown_name, {"signals." + path + ".commands", signal->declared},
              fmt::format("an attitude that is recorded: {}", listed(attitudes)), in_quotes(commanded), did_you_mean(commanded, attitudes));
+    std::vector<std::string> names = signal->channel.components;
+    std::ranges::sort(names);
+    if (const auto twice = std::ranges::adjacent_find(names); twice != names.end())
+      refuse(Code::duplicate_name, {"signals." + path + ".components", signal->declared}, "names, each once", in_quotes(*twice) + " twice");
     std::string other = paths[path] > 1 ? path : "";
     for (std::size_t slash = path.find('/'); slash != std::string::npos && other.empty(); slash = path.find('/', slash + 1))
       if (paths.contains(path.substr(0, slash))) other = path.substr(0, slash);

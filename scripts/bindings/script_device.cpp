@@ -2,6 +2,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <memory>
 #include <set>
 
@@ -14,6 +15,10 @@ namespace cardan {
 namespace {
 
 using Item = ScriptDevice::Item;
+
+/// What the vehicle file and the tables of functions have by these names already.
+constexpr std::array kReserved{"t", "type", "inputs", "initial", "rate", "period", "offset"};
+std::string own_name() { return fmt::format("a name of its own, none of {}", fmt::join(kReserved, ", ")); }
 
 /// {rate = "rad/s", torque = {0.1, "N m"}, gain = 2}: names with units, values, or both; by name, so that no order of tables enters.
 std::vector<Item> items(lua_State* L, LuaTable& t, const char* key, std::set<std::string>& taken) {
@@ -42,7 +47,7 @@ std::vector<Item> items(lua_State* L, LuaTable& t, const char* key, std::set<std
     } else {
       read();
     }
-    if (item.name.empty() || !taken.insert(item.name).second) table->reject(item.name, "a name of its own");
+    if (item.name.empty() || !taken.insert(item.name).second) table->reject(item.name, own_name());
     const auto unit = parse_unit(item.unit);
     if (!unit)
       table->reject(item.name, "a unit: rad/s, N m, 1", unit_hint(item.unit));
@@ -67,7 +72,7 @@ std::vector<ScriptDevice::Mount> mounts(lua_State* L, LuaTable& t, std::set<std:
   lua_pop(L, 1);
   std::ranges::sort(all, {}, &ScriptDevice::Mount::name);
   for (ScriptDevice::Mount& m : all) {
-    if (m.name.empty() || !taken.insert(m.name).second) table->reject(m.name, "a name of its own");
+    if (m.name.empty() || !taken.insert(m.name).second) table->reject(m.name, own_name());
     m.hinge = table->choice(m.name, {"node", "hinge"}).value_or("node") == "hinge";
   }
   return all;
@@ -87,7 +92,7 @@ int device(lua_State* L, Scenario& s) {
   d.in_step = t.flag("in_step").value_or(false);
   if (auto f = t.function("evaluate")) d.evaluate = std::move(*f);
   if (auto f = t.function("tick")) d.tick = std::move(*f);
-  std::set<std::string> taken{"t", "inputs", "initial", "rate", "period", "offset", "type"};
+  std::set<std::string> taken(kReserved.begin(), kReserved.end());
   d.params = items(L, t, "params", taken), d.inputs = items(L, t, "inputs", taken), d.outputs = items(L, t, "outputs", taken);
   d.states = items(L, t, "states", taken), d.memory = items(L, t, "memory", taken);
   d.mounts = mounts(L, t, taken);

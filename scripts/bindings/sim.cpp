@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/base/units.hpp"
+#include "core/dynamics/loops.hpp"
 #include "scripts/bindings/bind.hpp"
 #include "scripts/bindings/labels.hpp"
 #include "scripts/bindings/linear.hpp"
@@ -93,6 +94,26 @@ void expect_quaternions(lua_State* L, const Model& m, const Eigen::VectorXd& q) 
   }
 }
 
+constexpr double kOpen = 1e-6;  // of the size of a loop, as at a start
+
+/// Loops that are closed stay so: q that opens one is refused, and v that does; v that is not given becomes the nearest that goes with q.
+/// Where lengths are given as functions of time the run looks, which knows them.
+void keep_loops(lua_State* L, const Model& m, State& state, bool v_given) {
+  if (m.loops.empty() || std::ranges::any_of(m.loops.all, [](const Loop& loop) { return loop.drive >= 0; })) return;
+  LoopProjection projection(m);
+  State closed = state;
+  projection.close(closed.q.data(), closed.v.data());
+  const auto refuse_open = [&](const char* what, const char* expected, double open, const char* unit) {
+    refuse(L, Code::open_start, what, expected, fmt::format("a loop open by {:.3g}{} of its size", open, unit),
+           "initial{...} and sim:inverse_kinematics{...} close loops; rates that are not given are found");
+  };
+  if (!(projection.distance() <= kOpen)) refuse_open("sim:state.q", "coordinates that leave the loops closed", projection.distance(), "");
+  if (!v_given)
+    state.v = closed.v;
+  else if (!(projection.rate() <= kOpen * std::max(1.0, state.v.cwiseAbs().maxCoeff())))
+    refuse_open("sim:state.v", "rates that keep the loops closed", projection.rate(), "/s");
+}
+
 /// sim:state() -> {t, q, v};  sim:state{t = , q = , v = } sets what is given.
 int state(lua_State* L) {
   Scenario& s = scene(L);
@@ -124,6 +145,8 @@ int state(lua_State* L) {
   table.finish();
   sink.throw_if_any();
   expect_quaternions(L, *s.model, state.q);
+  s.model->normalise(state.q.data());
+  if (table.has("q") || table.has("v")) keep_loops(L, *s.model, state, table.has("v"));
   bench.set_state(std::move(state));
   return 0;
 }

@@ -80,7 +80,8 @@ int compare(Comparison c) {
   for (const std::string& result : {c.page, c.json})
     for (const std::string& results : {c.first, c.second}) expect_another_file(result, results);
   const RunColumns first = read_run_columns(c.first), second = read_run_columns(c.second);
-  const RunDifference d = compare_runs(first, second, {0.0, c.relative}, c.relative > 0.0 ? Agreement::integration : Agreement::same_bits);
+  const RunDifference d = compare_runs(first, second, {c.absolute, c.relative},
+                                       c.relative > 0.0 || c.absolute > 0.0 ? Agreement::integration : Agreement::same_bits);
   const bool pass = d.pass(c.at_common_times);
   if (!c.quiet) {
     say(difference_table(d, c.first, c.second));

@@ -12,8 +12,8 @@ namespace cardan {
 std::string regression_page(const std::string& folder, const std::vector<CaseResult>& results);
 
 struct Comparison {
-  std::string first, second;  // run.h5 of both, or their folders
-  double relative = 0.0;      // Tolerance; 0: the same bits
+  std::string first, second;              // run.h5 of both, or their folders
+  double relative = 0.0, absolute = 0.0;  // Tolerance; both 0: the same bits
   bool at_common_times = false;
   std::string page, json;  // files to write; empty: none
   bool quiet = false;      // the verdict alone

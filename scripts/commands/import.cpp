@@ -45,11 +45,7 @@ ImportOptions options_of(const ImportArguments& a) {
     const std::size_t equals = text.rfind('=');
     if (equals == 0 || equals == std::string::npos)
       refuse(Code::command_line, {"--initial"}, "joint=value", in_quotes(text), "--initial shoulder=\"30 deg\"");
-    const std::string value = text.substr(equals + 1);
-    auto number = parse_quantity(value, "rad");
-    if (!std::holds_alternative<double>(number)) number = parse_quantity(value, "m");
-    if (!std::holds_alternative<double>(number)) refuse(Code::command_line, {"--initial"}, "an angle or a length", in_quotes(value));
-    o.initial.emplace_back(text.substr(0, equals), std::get<double>(number));
+    o.initial.emplace_back(text.substr(0, equals), text.substr(equals + 1));
   }
   if (!a.stop_stiffness.empty()) o.stop_stiffness = positive("--stop-stiffness", a.stop_stiffness);
   if (!a.friction_width.empty()) o.friction_width = positive("--friction-width", a.friction_width);

@@ -34,6 +34,13 @@ constexpr const char* kSummary = "summary.json";
 constexpr const char* kReport = "report.html";
 constexpr int kBySignal = 128;  // exit code: + its number, as shells count
 
+/// [s] of this thread, which a run has to itself: that of the process goes by ticks of the scheduler, some ms, where RLIMIT_CPU is set.
+double processor_time() {
+  timespec now{};
+  clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
+}
+
 struct RunArguments {
   ScenarioArguments scenario;
   std::string out, again, resume;
@@ -170,7 +177,7 @@ class RunCommand {
     });
     Progress progress(progress_look(arguments_.quiet), t_end);
     progress_ = &progress;
-    const std::clock_t cpu_before = std::clock();
+    const double cpu_before = processor_time();
     const auto guarded = [&](const auto& part) {
       try {
         part();
@@ -193,7 +200,7 @@ class RunCommand {
         progress.update(t);
       });
     });
-    const double wall_s = progress.wall_s(), cpu_s = static_cast<double>(std::clock() - cpu_before) / CLOCKS_PER_SEC;
+    const double wall_s = progress.wall_s(), cpu_s = processor_time() - cpu_before;
     progress.clear();
     progress_ = nullptr;
     if (!disk_is_full()) guarded([&] { scenario_->sim->keep_steps(); });

@@ -154,7 +154,14 @@ class VehicleText {
           if (legal.size() < 1000) legal.push_back(known);
         refuse(Code::unknown_name, {"--initial"}, "the name of a joint with one coordinate", in_quotes(name), did_you_mean(name, legal));
       }
-      for (const int id : found->second) start_[id] = value;
+      for (const int id : found->second) {
+        const bool slides = joint(id)->kind == Kind::slide;
+        const auto number = parse_quantity(value, slides ? "m" : "rad");
+        if (!std::holds_alternative<double>(number))
+          refuse(Code::command_line, {"--initial"}, fmt::format("{} of joint {}", slides ? "a length" : "an angle", in_quotes(name)),
+                 in_quotes(value));
+        start_[id] = std::get<double>(number);
+      }
     }
     std::map<int, std::size_t> dependent;  // id: its coupling
     for (std::size_t i = 0; i < robot_.closures.size(); ++i) {

@@ -6,6 +6,7 @@
 #include <list>
 #include <map>
 #include <numbers>
+#include <utility>
 
 #include "core/base/units.hpp"
 #include "core/spatial/rotation.hpp"
@@ -15,6 +16,18 @@ namespace cardan {
 namespace {
 
 using Kind = RobotJoint::Kind;
+constexpr std::string_view kOrientations = "quat axisangle euler xyaxes zaxis";
+/// What counts of elements that classes of defaults may describe, and what means nothing here.
+constexpr std::string_view kJoint =
+    "name class type pos axis springdamper limited range stiffness springref armature damping frictionloss ref";
+constexpr std::string_view kJointIgnored =
+    "group margin solreflimit solimplimit solreffriction solimpfriction actuatorfrcrange actuatorfrclimited actuatorgravcomp user align";
+constexpr std::string_view kGeom = "name class type size mass density shellinertia fromto pos quat axisangle xyaxes zaxis euler mesh";
+constexpr std::string_view kGeomIgnored =
+    "contype conaffinity condim group priority material friction solmix solref solimp margin gap hfield fitscale rgba fluidshape "
+    "fluidcoef user";
+constexpr std::string_view kSite = "name class type fromto pos quat axisangle xyaxes zaxis euler";
+constexpr std::string_view kSiteIgnored = "group material size rgba user";
 constexpr double kPi = std::numbers::pi;
 
 /// A geom as a mass.
@@ -34,6 +47,7 @@ class MjcfReader {
     if (const XmlAttribute* name = root_.attribute("model")) robot_.name = name->value;
     robot_.gravity = Vec3<double>{0, 0, -9.81};
     classes_.emplace("main", &all_classes_.emplace_back());
+    bodies_.emplace("world", -1);
     if (source_.options.base != ImportOptions::Base::automatic)
       refuse(Code::command_line, {"--base"}, "an option of URDF alone", "a file in MJCF", "there a freejoint makes a base free");
     for (const XmlElement& e : root_.children) {
@@ -114,7 +128,14 @@ class MjcfReader {
         source_.cannot(flag, flag.name, "flag");
         continue;
       }
+      source_.expect_attributes(flag, "gravity constraint equality frictionloss limit passive spring damper",
+                                "contact actuation clampctrl warmstart filterparent refsafe sensor midphase nativeccd eulerdamp autoreset "
+                                "override energy fwdinv invdiscrete multiccd island sleep");
       for (const XmlAttribute& a : flag.attributes) {
+        if (!is_word_of("enable disable", a.value)) {
+          source_.report(Code::wrong_type, flag, a.name, "enable or disable", in_quotes(a.value));
+          continue;
+        }
         if (a.name == "gravity" && a.value == "disable") no_gravity_ = true;
         if (is_word_of("constraint equality frictionloss limit passive spring damper", a.name) && a.value == "disable")
           source_.cannot(flag, a.name, "what the file describes, switched on");
@@ -136,34 +157,56 @@ class MjcfReader {
     } else if (name) {
       classes_.emplace(name->value, here);
     }
-    for (const XmlElement& child : e.children)
-      if (child.name != "default" && !here->elements.emplace(child.name, &child).second)
+    for (const XmlElement& child : e.children) {
+      if (child.name == "default") continue;
+      if (child.name == "joint") source_.expect_attributes(child, kJoint, kJointIgnored);
+      if (child.name == "geom") source_.expect_attributes(child, kGeom, kGeomIgnored);
+      if (child.name == "site") source_.expect_attributes(child, kSite, kSiteIgnored);
+      if (child.name == "geom" || child.name == "site") one_orientation(child);
+      if (!is_word_of("joint geom site equality mesh material camera light pair tendon general motor position velocity intvelocity damper "
+                      "cylinder muscle adhesion dcmotor plugin",
+                      child.name))
+        cannot_be_here(child, "elements that have defaults: joint, geom, site, ...");
+      if (!here->elements.emplace(child.name, &child).second)
         source_.report(Code::duplicate_key, child, {}, fmt::format("one {} in a class", child.name), "a second");
+    }
     for (const XmlElement& child : e.children)
       if (child.name == "default") read_default(child, here);
+  }
+
+  void cannot_be_here(const XmlElement& e, const char* legal) {
+    source_.cannot(e, e.name, legal, e.name == "include" ? "put the file in its place" : "");
   }
 
   void read_section(const XmlElement& e) {
     if (is_word_of("compiler option default equality", e.name)) return;
     if (e.name == "worldbody") {
+      source_.expect_attributes(e, "childclass");
+      const XmlDefaults* defaults = class_of(e, "childclass", classes_.at("main"));
       for (const XmlElement& child : e.children) {
         if (child.name == "body")
-          read_body(child, -1, classes_.at("main"));
+          read_body(child, -1, defaults);
         else if (child.name == "site")
-          read_site(child, -1, classes_.at("main"));
+          read_site(child, -1, defaults);
         else if (is_word_of("geom light camera", child.name))
           source_.leave(child.name);
         else
-          source_.cannot(child, child.name, "body, site, geom, light, camera");
+          cannot_be_here(child, "body, site, geom, light, camera");
       }
     } else if (e.name == "tendon" || e.name == "deformable") {
       if (!e.children.empty()) source_.cannot(e, e.name, "joints, connect, weld and joint equalities");
-    } else if (is_word_of("actuator sensor contact", e.name)) {
+    } else if (is_word_of("actuator contact", e.name)) {
+      for (const XmlElement& child : e.children)
+        if (child.name == "include")
+          cannot_be_here(child, "elements of MJCF");
+        else
+          source_.leave_force(e.name + " " + child.name);
+    } else if (e.name == "sensor") {
       for (const XmlElement& child : e.children) source_.leave(e.name + " " + child.name);
     } else if (is_word_of("size statistic visual asset keyframe custom", e.name)) {
       source_.leave(e.name);
     } else {
-      source_.cannot(e, e.name, "sections of MJCF", e.name == "include" ? "put the file in its place" : "");
+      cannot_be_here(e, "sections of MJCF");
     }
   }
 
@@ -176,6 +219,29 @@ class MjcfReader {
     return out;
   }
 
+  void one_orientation(const XmlElement& e) {
+    if (std::ranges::count_if(e.attributes, [](const XmlAttribute& a) { return is_word_of(kOrientations, a.name); }) > 1)
+      source_.report(Code::duplicate_key, e, {}, "one of quat, axisangle, euler, xyaxes, zaxis", "several");
+  }
+
+  /// Where `fromto` lays an element: in the middle, its z axis from the second end to the first; half its length. None without it.
+  std::optional<std::pair<Pose<double>, double>> read_ends_of(const XmlView& v) {
+    if (!v.find("fromto")) return std::nullopt;
+    const XmlAttribute* type = v.find("type");
+    if (!type || !is_word_of("capsule cylinder ellipsoid box", type->value))
+      source_.report(Code::not_imported, v.element, "fromto", "fromto of a capsule, cylinder, ellipsoid or box",
+                     fmt::format("of a {}", type ? type->value : "sphere"));
+    if (length(source_.vector(v, "pos", Vec3<double>{})) > 0)
+      source_.report(Code::duplicate_key, v.element, "fromto", "fromto, or pos", "both");
+    const auto f = source_.numbers(v, "fromto", 6, nullptr);
+    const Vec3<double> a{f[0], f[1], f[2]}, b{f[3], f[4], f[5]}, d = a - b;
+    if (!(length(d) > 1e-10)) {
+      source_.report(Code::out_of_range, v.element, "fromto", "two places", "one place");
+      return std::nullopt;
+    }
+    return {{{rotation_of_z_to(d), 0.5 * (a + b)}, 0.5 * length(d)}};
+  }
+
   Mat3<double> read_rotation(const XmlView& v) {
     const auto about = [](const Vec3<double>& u, double q) { return rotation_about(u, std::sin(q), std::cos(q)); };
     const auto zero = [&](const char* name) {
@@ -183,18 +249,22 @@ class MjcfReader {
       return Mat3<double>::identity();
     };
     const auto unit = [](const Vec3<double>& a) { return 1.0 / length(a) * a; };
-    if (v.find("quat")) {
+    one_orientation(v.element);
+    // MuJoCo takes the other forms before quat, one of a class too.
+    const XmlAttribute* other = v.find("axisangle euler xyaxes zaxis");
+    const std::string_view form = other ? std::string_view(other->name) : v.find("quat") ? "quat" : "";
+    if (form == "quat") {
       const auto q = source_.numbers(v, "quat", 4, nullptr);
       if (!(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3] > 1e-20)) return zero("quat");
       return rotation_of_quaternion(q[0], q[1], q[2], q[3]);
     }
-    if (v.find("axisangle")) {
+    if (form == "axisangle") {
       const auto a = source_.numbers(v, "axisangle", 4, nullptr);
       const Vec3<double> u{a[0], a[1], a[2]};
       if (!(length(u) > 1e-10)) return zero("axisangle");
       return about(unit(u), a[3] * degree_);
     }
-    if (v.find("euler")) {
+    if (form == "euler") {
       const Vec3<double> a = degree_ * source_.vector(v, "euler", std::nullopt);
       const double angles[] = {a.x, a.y, a.z};
       Mat3<double> R = Mat3<double>::identity();
@@ -205,7 +275,7 @@ class MjcfReader {
       }
       return R;
     }
-    if (v.find("xyaxes")) {
+    if (form == "xyaxes") {
       const auto a = source_.numbers(v, "xyaxes", 6, nullptr);
       const Vec3<double> x0{a[0], a[1], a[2]}, y0{a[3], a[4], a[5]};
       if (!(length(x0) > 1e-10)) return zero("xyaxes");
@@ -214,7 +284,7 @@ class MjcfReader {
       const Vec3<double> y = unit(y1), z = cross(x, y);
       return {x.x, y.x, z.x, x.y, y.y, z.y, x.z, y.z, z.z};
     }
-    if (v.find("zaxis")) {
+    if (form == "zaxis") {
       const Vec3<double> z = source_.vector(v, "zaxis", std::nullopt);
       if (!(length(z) > 1e-10)) return zero("zaxis");
       return rotation_of_z_to(z);
@@ -265,10 +335,10 @@ class MjcfReader {
       } else if (is_word_of("light camera", child.name)) {
         source_.leave(child.name);
       } else if (child.name != "body" && child.name != "site") {
-        source_.cannot(child, child.name, "inertial, joint, freejoint, geom, site, camera, light, body");
+        cannot_be_here(child, "inertial, joint, freejoint, geom, site, camera, light, body");
       }
     }
-    if (inertial && from_geom_ != "true")
+    if (inertial && (from_geom_ != "true" || geoms.empty()))
       link.inertial = read_inertial(*inertial);
     else if (from_geom_ != "false")
       link.inertial = inertia_of(geoms, e, defaults);
@@ -283,9 +353,10 @@ class MjcfReader {
   }
 
   void read_site(const XmlElement& e, int link, const XmlDefaults* defaults) {
-    source_.expect_attributes(e, "name class pos quat axisangle xyaxes zaxis euler", "type group material size fromto rgba user");
+    source_.expect_attributes(e, kSite, kSiteIgnored);
     const XmlView v{e, class_of(e, "class", defaults)};
     RobotSite site{std::string(e.called()), "site", read_place(v), e.mark};
+    if (const auto ends = read_ends_of(v)) site.place.X = ends->first;
     take_name(e, sites_, {link, site.place});
     if (link < 0 || site.name.empty())
       source_.leave("site");
@@ -297,10 +368,13 @@ class MjcfReader {
     source_.expect_attributes(e, "pos mass diaginertia fullinertia quat axisangle xyaxes zaxis euler");
     const XmlView v{e};
     const RobotPlace place = read_place(v);
+    if (!v.find("pos")) source_.report(Code::missing_key, e, "pos", "pos: 3 numbers", "no such attribute");
     RobotInertial out;
     out.mass = source_.number(v, "mass", std::nullopt);
     out.com = place.X.p;
     out.mass_mark = out.inertia_mark = e.mark;
+    if (v.find("fullinertia") && (v.find("diaginertia") || v.find(kOrientations)))
+      source_.report(Code::duplicate_key, e, "fullinertia", "fullinertia alone, or diaginertia with or without an orientation", "both");
     Sym3<double> J;
     if (v.find("fullinertia")) {
       const auto f = source_.numbers(v, "fullinertia", 6, nullptr);
@@ -314,10 +388,7 @@ class MjcfReader {
   }
 
   std::optional<RobotJoint> read_joint(const XmlElement& e, int parent, const XmlDefaults* defaults) {
-    source_.expect_attributes(e,
-                              "name class type pos axis springdamper limited range stiffness springref armature damping frictionloss ref",
-                              "group margin solreflimit solimplimit solreffriction solimpfriction actuatorfrcrange actuatorfrclimited "
-                              "actuatorgravcomp user align");
+    source_.expect_attributes(e, kJoint, kJointIgnored);
     const XmlView v{e, e.name == "joint" ? defaults : nullptr};
     static const std::map<std::string, Kind, std::less<>> kinds{
         {"hinge", Kind::hinge}, {"slide", Kind::slide}, {"ball", Kind::ball}, {"free", Kind::free}};
@@ -345,7 +416,7 @@ class MjcfReader {
     j.stiffness = source_.number(v, "stiffness", 0.0);
     j.damping = source_.number(v, "damping", 0.0);
     j.friction = source_.number(v, "frictionloss", 0.0);
-    j.rest = unit * source_.number(v, "springref", 0.0) - ref;
+    j.rest = j.stiffness == 0.0 ? 0.0 : unit * source_.number(v, "springref", 0.0) - ref;
     if (ref != 0.0) j.remark = fmt::format("counted from its ref, {}", ref);
     if (source_.number(v, "armature", 0.0) != 0.0)
       source_.cannot(e, "armature", "joints without added inertia", "a rotor is a body of its own, geared by a coupling");
@@ -394,8 +465,13 @@ class MjcfReader {
   }
 
   std::optional<GeomMass> mass_of(const XmlElement& e, const XmlView& v) {
+    source_.expect_attributes(e, kGeom, kGeomIgnored);
     const XmlAttribute* given = v.find("mass");
     const double density = source_.number(v, "density", 1000.0);
+    if (const char* counts = given ? "mass" : "density"; source_.number(v, counts, 0.0) < 0) {
+      source_.report(Code::out_of_range, e, counts, "a number that is not negative", fmt::format("{:g}", source_.number(v, counts, 0.0)));
+      return std::nullopt;
+    }
     if (given ? source_.number(v, "mass", 0.0) == 0.0 : density == 0.0) return std::nullopt;
     const XmlAttribute* t = v.find("type");
     const std::string type = t ? t->value : v.find("mesh") ? "mesh" : "sphere";
@@ -406,19 +482,17 @@ class MjcfReader {
       source_.cannot(e, type, "a body with inertial, or geoms of type sphere, capsule, cylinder, ellipsoid, box");
       return std::nullopt;
     }
+    if (v.find("mesh")) {
+      source_.cannot(e, "mesh", "a geom of its own size: one that is fitted to a mesh has that of the mesh");
+      return std::nullopt;
+    }
     if (yes(v, "shellinertia", false) && !source_.cannot(e, "shellinertia", "solid geoms")) return std::nullopt;
     Pose<double> place;
     std::vector<double> s;
-    if (v.find("fromto") && type != "sphere") {
-      const auto f = source_.numbers(v, "fromto", 6, nullptr);
-      const Vec3<double> a{f[0], f[1], f[2]}, b{f[3], f[4], f[5]}, d = a - b;
-      if (!(length(d) > 1e-10)) {
-        source_.report(Code::out_of_range, e, "fromto", "two places", "one place");
-        return std::nullopt;
-      }
-      place = {rotation_of_z_to(d), 0.5 * (a + b)};
+    if (const auto ends = read_ends_of(v)) {
+      place = ends->first;
       const auto r = source_.numbers(v, "size", 1, nullptr, 3);
-      s = found->second == 2 ? std::vector<double>{r[0], 0.5 * length(d)} : std::vector<double>{r[0], r[0], 0.5 * length(d)};
+      s = found->second == 2 ? std::vector<double>{r[0], ends->second} : std::vector<double>{r[0], r[0], ends->second};
     } else {
       place = read_place(v).X;
       s = source_.numbers(v, "size", found->second, nullptr, 3);
@@ -505,7 +579,8 @@ class MjcfReader {
     if (!a || (!b && e.attribute("body2"))) return;
     c.from.link = *a;
     c.to.link = b ? *b : -1;
-    const Pose<double> of_a = in_world_[static_cast<std::size_t>(*a)], of_b = b ? in_world_[static_cast<std::size_t>(*b)] : Pose<double>{};
+    const auto in_world = [&](int k) { return k < 0 ? Pose<double>{} : in_world_[static_cast<std::size_t>(k)]; };
+    const Pose<double> of_a = in_world(c.from.link), of_b = in_world(c.to.link);
     if (c.type == "point") {
       const Pose<double> anchor{Mat3<double>::identity(), source_.vector({e}, "anchor", std::nullopt)};
       c.from.place.X = anchor;

@@ -31,12 +31,16 @@ std::string counted(const std::map<std::string, int>& counts) {
 
 }  // namespace
 
-const XmlAttribute* XmlView::find(std::string_view name) const {
-  if (const XmlAttribute* own = element.attribute(name)) return own;
+const XmlAttribute* XmlView::find(std::string_view names) const {
+  const auto of = [&](const XmlElement& e) -> const XmlAttribute* {
+    const auto found = std::ranges::find_if(e.attributes, [&](const XmlAttribute& a) { return is_word_of(names, a.name); });
+    return found == e.attributes.end() ? nullptr : &*found;
+  };
+  if (const XmlAttribute* own = of(element)) return own;
   for (const XmlDefaults* d = defaults; d; d = d->parent) {
     const auto found = d->elements.find(tag.empty() ? std::string_view(element.name) : tag);
     if (found == d->elements.end()) continue;
-    if (const XmlAttribute* a = found->second->attribute(name)) return a;
+    if (const XmlAttribute* a = of(*found->second)) return a;
   }
   return nullptr;
 }
@@ -147,6 +151,7 @@ std::vector<std::string> RobotSource::notes() {
       refuse(Code::command_line, {"--leave-out"}, "the name of something in the file that cannot be honoured", in_quotes(asked));
   std::vector<std::string> out;
   if (!left_.empty()) out.push_back("left out, without meaning here: " + counted(left_));
+  if (!forces_.empty()) out.push_back("left to devices of the vehicle and to the mission, no force here: " + counted(forces_));
   if (!asked_.empty()) out.push_back("left out, as asked for: " + counted(asked_));
   out.insert(out.end(), notes_.begin(), notes_.end());
   return out;

@@ -26,7 +26,8 @@ struct XmlView {
   const XmlDefaults* defaults = nullptr;
   std::string_view tag{};  // under which it stands among the defaults; empty: its own name
 
-  const XmlAttribute* find(std::string_view name) const;
+  /// An attribute, or of several (words separated by spaces) the one nearest: the element's own before those of classes.
+  const XmlAttribute* find(std::string_view names) const;
 };
 
 class RobotSource {
@@ -57,6 +58,8 @@ class RobotSource {
   bool asked_to_leave_out(const std::string& feature, std::string_view name);
   /// Counts what is left out because it means nothing here: "visual".
   void leave(const std::string& what) { ++left_[what]; }
+  /// Counts what pushes, by a command or without one, and is left to devices and the mission: "actuator position".
+  void leave_force(const std::string& what) { ++forces_[what]; }
   /// Attributes that are neither `known` nor `ignored` are refused by name.
   void expect_attributes(const XmlElement& e, std::string_view known, std::string_view ignored = {});
 
@@ -65,7 +68,7 @@ class RobotSource {
   std::vector<std::string> notes();
 
  private:
-  std::map<std::string, int> left_, asked_;
+  std::map<std::string, int> left_, forces_, asked_;
   std::set<std::string, std::less<>> used_;
   std::vector<std::string> notes_;
 };

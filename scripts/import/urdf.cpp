@@ -189,8 +189,13 @@ class UrdfReader {
       joint.damping = source_.number({*dynamics}, "damping", 0.0);
       joint.friction = source_.number({*dynamics}, "friction", 0.0);
       if (j.type == "fixed") joint.damping = joint.friction = 0.0;
-      if ((joint.damping != 0 || joint.friction != 0) && is_word_of("floating planar", j.type))
-        source_.cannot(*dynamics, "dynamics", "damping and friction of joints with one coordinate");
+      const bool several = is_word_of("floating planar", j.type);
+      if (several && (joint.damping != 0 || joint.friction != 0) &&
+          source_.cannot(*dynamics, "dynamics", "damping and friction of joints with one coordinate"))
+        joint.damping = joint.friction = 0.0;
+      if (joint.kind == Kind::ball && joint.friction != 0 &&
+          source_.cannot(*dynamics, "friction", "friction of joints with one coordinate"))
+        joint.friction = 0.0;
     }
     if (const XmlElement* mimic = only(e, "mimic")) mimics_.push_back({mimic, static_cast<int>(joints_.size())});
     joints_.push_back(std::move(j));

@@ -21,7 +21,7 @@ export function shownUnit(channel, unit, inDegrees) {
 }
 
 export function pretty(unit) {
-  return unit.replace(/\^2/g, "²").replace(/\^3/g, "³").replace(/ /g, "\u00a0");
+  return unit.replace(/\^2/g, "²").replace(/\^3/g, "³").replace(/ /g, "\u00a0").replace(/\*/g, "\u00b7");
 }
 
 /// Components of a channel by unit: one unit for all, or one for each.

@@ -211,7 +211,7 @@ void list_still(const Hdf5File& file, const ChannelSize& c, const std::string& n
   const auto names = file.texts_attribute(c.path, "components");
   Json values = Json::array();
   for (const Range& r : c.ranges) values.push_back(r.least > r.largest ? Json() : rounded(r.least, r.magnitude(), 1e-3 * r.magnitude()));
-  const std::string unit = file.text_attribute(c.path, "unit");
+  const std::string unit = unit_of_channel(c.units);
   bytes += name.size() + unit.size() + 60;
   for (const std::string& component : names) bytes += component.size() + 12;
   out["still"][c.group].push_back({{"path", name}, {"unit", unit}, {"components", names}, {"values", values}});
@@ -281,7 +281,7 @@ Json series(const Hdf5File& file) {
     const std::string name = c.path.substr(root.size() + 1);
     const auto names = file.texts_attribute(c.path, "components");
     const auto data = rows_of(file, c.path, rows, names.size());
-    out["channels"].push_back(channel(name, file.text_attribute(c.path, "unit"), file.text_attribute(c.path, "frame"),
+    out["channels"].push_back(channel(name, unit_of_channel(c.units), file.text_attribute(c.path, "frame"),
                                       file.text_attribute(c.path, "meaning"), names, data, thin));
     if (!is_attitude(names)) continue;
     out["channels"].push_back(angles_channel(name, data, thin));

@@ -102,6 +102,7 @@ TEST(ImportAnswers, LeaveOutDoesWithoutWhatItNamesAndNothingElse) {
   EXPECT_EQ(with("C1202_loop_type.urdf", {"c"}), "no error");
   EXPECT_EQ(with("C1202_sections.xml", {"include", "density"}), "no error");
   EXPECT_EQ(with("C0104_attribute.urdf", {"uper"}), "no error");
+  EXPECT_EQ(with("C1202_dynamics.urdf", {"dynamics", "friction"}), "no error");
   EXPECT_EQ(with("C0206_mimics.urdf", {"mimic"}), "no error");
   EXPECT_EQ(with("C1103_open_loop.urdf", {"loop"}), "no error");
   const std::string nothing = with("C1202_armature.xml", {"armature", "armatur"});
@@ -111,7 +112,7 @@ TEST(ImportAnswers, LeaveOutDoesWithoutWhatItNamesAndNothingElse) {
 
 TEST(ImportAnswers, ToOptionsThatNameNothing) {
   ImportOptions options;
-  options.initial = {{"elbov", 1.0}};
+  options.initial = {{"elbov", "1"}};
   const std::string file = CARDAN_SOURCE_DIR "/tests/import/robots/double_pendulum.urdf";
   EXPECT_NE(answer_to(bytes_of(file), file, options).find("did you mean \"elbow\"?"), std::string::npos);
   options.initial.clear();

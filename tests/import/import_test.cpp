@@ -105,11 +105,25 @@ TEST(ImportUrdf, LimitsAndFrictionAreTakenOverWhereAskedFor) {
   EXPECT_TRUE(spec_of_file("double_pendulum.urdf").bodies[0].hinge.loads.empty());
 }
 
+TEST(ImportUrdf, DynamicsThatAreLeftOutAreGone) {
+  ImportOptions options;
+  options.leave_out = {"dynamics"};
+  for (const char* type : {"floating", "planar"}) {
+    const SystemSpec spec =
+        spec_of(fmt::format("<robot name='r'><link name='world'/><link name='a'><inertial><mass value='1'/><inertia ixx='1' iyy='1' "
+                            "izz='1'/></inertial></link><joint name='j' type='{}'><parent link='world'/><child link='a'/><dynamics "
+                            "damping='1'/></joint></robot>",
+                            type),
+                options);
+    EXPECT_TRUE(spec.bodies[0].hinge.springs.empty()) << type;
+  }
+}
+
 TEST(ImportUrdf, AMimicJointMovesWithTheOther) {
   for (const bool free : {false, true}) {
     ImportOptions options;
     options.base = free ? ImportOptions::Base::free : ImportOptions::Base::fixed;
-    options.initial = {{"left", 0.02}};
+    options.initial = {{"left", "0.02"}};
     const SystemSpec spec = spec_of_file("gripper.urdf", options);
     const auto model = compiled(spec);
     EXPECT_EQ(spec.bodies[1].name, "finger_1");
@@ -441,10 +455,58 @@ TEST(ImportMjcf, ChainsOfJointsAreHingesWithTheSamePoses) {
   EXPECT_LE(relative(distance(body("hand").inertia_com, J), across), 1e-14);
 }
 
+// Its mass would be gone without a word: what has none and is fixed becomes a node.
+TEST(ImportMjcf, ABodyWithoutGeomsKeepsItsInertialWhereGeomsGoBeforeIt) {
+  const SystemSpec spec = spec_of(
+      "<mujoco><compiler inertiafromgeom='true'/><worldbody><body name='a'><joint/><inertial pos='0 0 0' mass='7' diaginertia='1 1 1'/>"
+      "<geom type='box' size='1 1 1' mass='3'/><body name='b'><inertial pos='0 0 0' mass='2' diaginertia='1 1 1'/></body></body>"
+      "</worldbody></mujoco>");
+  ASSERT_EQ(spec.bodies.size(), 2U);
+  EXPECT_EQ(spec.find("a")->mass, 3.0);
+  EXPECT_EQ(spec.find("b")->mass, 2.0);
+}
+
+// Of the forms of orientation one counts: another than quat goes before quat, that of the element before that of its class.
+TEST(ImportMjcf, ForcesThatAreLeftOutAreToldByKind) {
+  std::vector<std::string> notes;
+  spec_of(
+      "<mujoco><worldbody><body name='b'><joint name='j'/><geom size='1'/></body></worldbody><actuator><position joint='j' kp='10'/><motor "
+      "joint='j'/></actuator><sensor><jointpos joint='j'/></sensor></mujoco>",
+      {}, &notes);
+  EXPECT_EQ(notes, (std::vector<std::string>{
+                       "left out, without meaning here: 1 sensor jointpos",
+                       "left to devices of the vehicle and to the mission, no force here: 1 actuator motor, 1 actuator position"}));
+}
+
+TEST(ImportMjcf, OneFormOfOrientationCounts) {
+  const auto axis_of = [](const std::string& of_class, const std::string& own) {  // z of a site
+    const SystemSpec spec = spec_of("<mujoco><default><site " + of_class +
+                                    "/></default><worldbody><body name='b'><joint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>"
+                                    "<site name='s' " +
+                                    own + "/></body></worldbody></mujoco>");
+    return Vector3d(spec.bodies[0].nodes.at(0).R_BN * Vector3d::UnitZ());
+  };
+  const auto x = Vector3d::UnitX(), y = Vector3d::UnitY();
+  EXPECT_LE(distance(axis_of("euler='0 90 0'", ""), x), 1e-15);
+  EXPECT_LE(distance(axis_of("euler='0 90 0'", "zaxis='0 1 0'"), y), 1e-15);
+  EXPECT_LE(distance(axis_of("quat='1 0 1 0'", "euler='-90 0 0'"), y), 1e-15);
+  EXPECT_LE(distance(axis_of("euler='0 90 0'", "quat='1 0 0 0'"), x), 1e-15);
+  EXPECT_LE(distance(axis_of("quat='1 0 1 0'", "quat='1 -1 0 0'"), y), 1e-15);
+}
+
+TEST(ImportMjcf, ASiteLiesInTheMiddleOfItsEnds) {
+  const SystemSpec spec = spec_of(
+      "<mujoco><worldbody><body name='b'><joint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>"
+      "<site name='s' type='capsule' fromto='1 0 2 5 0 2'/></body></worldbody></mujoco>");
+  const auto& node = spec.bodies[0].nodes.at(0);
+  EXPECT_LE(distance(node.position, Vector3d(3, 0, 2)), 0.0);
+  EXPECT_LE(distance(Vector3d(node.R_BN * Vector3d::UnitZ()), Vector3d(-1, 0, 0)), 1e-15) << "z from the second end to the first";
+}
+
 // What follows by a polynomial starts where it must, and stays there.
 TEST(ImportMjcf, EqualitiesBeyondLinearAreCouplingsToo) {
   ImportOptions options;
-  options.initial.emplace_back("k", 0.4);
+  options.initial.emplace_back("k", "0.4");
   const SystemSpec spec = spec_of(
       "<mujoco><compiler angle='radian'/><worldbody>"
       "<body name='a'><joint name='j' axis='0 1 0'/><inertial pos='0.1 0 0' mass='1' diaginertia='1 1 1'/></body>"
@@ -545,6 +607,10 @@ TEST(ImportMjcf, WeldsHoldTheRelativePose) {
   const LoopSpec to_world = loop("<connect body1='a' anchor='0 0 1'/>");
   EXPECT_EQ(to_world.to.body, "");
   EXPECT_LE(distance(to_world.to.position, Vector3d(1, 0, 1)), 1e-15);
+  const LoopSpec from_world = loop("<weld body1='world' body2='b'/>");
+  EXPECT_EQ(from_world.from.body, "");
+  EXPECT_LE(distance(from_world.from.position, Vector3d(0, 2, 0)), 0.0);
+  EXPECT_EQ(loop("<connect body1='a' body2='world' anchor='0 0 1'/>").to.position, to_world.to.position);
   const LoopSpec sites = loop("<connect site1='s' site2='t'/>");
   EXPECT_LE(distance(sites.to.position, Vector3d(1, -2, 1)), 0.0);
 }

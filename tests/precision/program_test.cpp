@@ -100,6 +100,7 @@ TEST_F(Precision, ErrorsHaveTheOrderOfTheMethodAndAreThoseOfTheTruth) {
     EXPECT_LT(kind["reference_off_by"]["largest"].get<double>(), 1e-10);
     EXPECT_EQ(kind["converged"], true);
   }
+  for (const json& r : all["rows"]) EXPECT_GT(r["cpu_s"].get<double>(), 1e-5) << r["name"] << ": short runs are measured too";
   EXPECT_EQ(row("dopri5", "1e-07")["own"], true) << "the scenario's own setting is told";
   EXPECT_TRUE(has(run.out, "dopri5 (yours)")) << run.out;
   EXPECT_LT(row("rk4", "0.1 s")["errors"]["momentum"]["largest"], 1e-3);

@@ -99,7 +99,8 @@ TEST(Import, TakesItsOptions) {
        {std::tuple{"--base", "fred", "expected: free or fixed"}, std::tuple{"--stop-stiffness", "-1", "expected: a number > 0, in SI"},
         std::tuple{"--friction-width", "wide", "expected: a number > 0, in SI"},
         std::tuple{"--initial", "shoulder", "expected: joint=value"},
-        std::tuple{"--initial", "shoulder=3 kg", "expected: an angle or a length"},
+        std::tuple{"--initial", "shoulder=3 kg", "expected: an angle of joint \"shoulder\""},
+        std::tuple{"--initial", "elbow=3 cm", "expected: an angle of joint \"elbow\""},
         std::tuple{"--leave-out", "legs", "got:      \"legs\""}}) {
     const Finished refused = import({option, value});
     EXPECT_EQ(refused.exit_code, 2);

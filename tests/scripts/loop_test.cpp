@@ -51,6 +51,39 @@ check { name = "looks", value = function() return seen end, within = { 5, 7 } }
   EXPECT_EQ(f.exit_code, 0) << f.out << f.err;
 }
 
+// A gear of two to one: what would open it is refused and leaves the state alone, rates that are not given follow.
+TEST(LoopsAtTheWorkbench, StayClosedWhateverStateIsSet) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", R"yaml(
+cardan: 1
+bodies:
+  motor: {mass: 1, inertia: [1, 1, 1], hinge: {type: revolute, axis: [0, 0, 1], to: world, initial: {rate: 2}}}
+  drum: {mass: 1, inertia: [1, 1, 1], hinge: {type: revolute, axis: [0, 0, 1], to: world}}
+  lever: {mass: 1, inertia: [1, 1, 1], hinge: {type: revolute, axis: [0, 0, 1], to: world}}
+loops:
+  gear: {type: coupling, terms: {motor: 1, drum: -2}}
+)yaml");
+  write(dir / "look.lua", R"lua(
+local function refused(given, what)
+  local before, ok, why = sim:state(), pcall(sim.state, sim, given)
+  assert(not ok and tostring(why):find("C1103", 1, true) and tostring(why):find(what, 1, true), tostring(why))
+  local after = sim:state()
+  assert(after.q == before.q and after.v == before.v)
+end
+refused({ q = { 0.1, 0, 0 } }, "sim:state.q")
+refused({ v = { 1, 1, 0 } }, "sim:state.v")
+sim:state { q = { 0.4, 0.2, 3 } }
+local v = sim:v()
+assert(math.abs(v[1] - 2) < 1e-14 and math.abs(v[2] - 1) < 1e-14)
+sim:state { v = { 4, 2, 7 } }
+assert(sim:v()[3] == 7)
+sim:state { q = { 0.4, 0.2, 5 } }
+assert(sim:v()[3] == 7 and sim:q()[3] == 5)
+)lua");
+  const Finished f = run_program({"workbench", "vehicle.yaml", "--script", "look.lua"}, dir.path());
+  EXPECT_EQ(f.exit_code, 0) << f.out << f.err;
+}
+
 // What the mission gives stays, the rest of a slider-crank follows, as if the vehicle gave it; a load that is made after it changes
 // nothing.
 TEST(LoopsOfAMission, AreClosedFromInitialValuesOfTheMission) {

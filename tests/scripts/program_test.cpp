@@ -271,6 +271,8 @@ TEST(Program, EventFunctionsSeeTheTrialTime) {
 TEST(Program, WhatRunRefusesCheckRefuses) {
   const std::vector<std::pair<std::string, std::vector<std::string>>> cases = {
       {"mission { duration = 1 }\nsignals { a = {}, ['a/b'] = {} }", {"scenario.lua:3", "beside the channel"}},
+      {"mission { duration = 1 }\nsignals { time = {} }", {"scenario.lua:3", "beside the channel \"time\""}},
+      {"mission { duration = 1 }\nsignals { a = { components = { 'x', 'x' } } }", {"scenario.lua:3", "names, each once"}},
       {"mission { duration = 1 }\nsignals { ['ledger/energy'] = {} }", {"scenario.lua:3", "ledger/energy"}},
       {"mission { duration = 1 }\nsignals { hinges = {} }", {"scenario.lua:3", "hinges/rod/angle"}},
       {"mission { duration = 1 }\nsignals { a = {} }\nsignals { a = {} }", {"scenario.lua:3", "signals.a"}},

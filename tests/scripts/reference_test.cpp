@@ -186,6 +186,8 @@ local function has(text, ...)
 end
 has(tostring(help), 'controller(options)', 'vehicle(path)', 'sim', 'operators', 'vec')
 assert(help() == tostring(help))
+for line in tostring(help):gmatch '[^\n]+' do assert(not line:find('^  [%w()]+%s*$'), line) end  -- each has a word about it
+has(help 'task', 'An operational space')
 has(help 'linearize', 'scene:linearize([ports])', 'inputs?', 'outputs?', 'file?', 'drift', 'poles')
 has(help(sim.linearize), 'linearize([ports])', 'inputs?')
 has(help(sim), 'sim:run_to(t)', 'sim:linearize([ports])', 'sim:inverse_kinematics(task)')

@@ -99,6 +99,36 @@ TEST_F(Regress, ADifferenceFailsWithItsTimeItsLimitAndTheReasonOfThat) {
   EXPECT_FALSE(has(page, "http:") || has(page, "https:")) << "no network";
 }
 
+// Forges show one alone of tests that have one name.
+TEST_F(Regress, AChannelThatIsClaimedTwiceIsTwoTests) {
+  const std::string claim =
+      R"(  - {channel: hinges/rod/angle, class: truth, absolute: 1 rad, why: a bound, reference: {final: [0.1], unit: rad}}
+)";
+  add("twice", "cardan_golden: 1\ntruth: a bound\nchannels:\n" + claim + replaced(claim, "1 rad", "1e-9 rad"));
+  EXPECT_EQ(regress().exit_code, 1);
+  const std::string junit = file_text(dir_ / "out/regress/junit.xml");
+  EXPECT_TRUE(has(junit, "name=\"channel: hinges/rod/angle\" time=\"0.000\"/>")) << junit;
+  EXPECT_TRUE(has(junit, "name=\"channel: hinges/rod/angle (2)\" time=\"0.000\">\n      <failure")) << junit;
+}
+
+// As many words as components: "N m s" of three was taken for N, m and s.
+TEST_F(Regress, UnitsOfSeveralWordsAreThoseOfEachComponent) {
+  add("units", R"(cardan_golden: 1
+truth: constants of the script
+channels:
+  - {channel: h, class: truth, absolute: 1e-9 N m s, why: constants, reference: {final: [1, 2, 3], unit: N m s}}
+  - {channel: k, class: truth, absolute: 1e-9 kg m^2/s, why: constants, reference: {final: [4, 5], unit: kg m^2/s}}
+  - {channel: reactions/rod, components: [mx, my, mz], class: truth, absolute: 1e6 N m, why: a unit, reference: {final: [0, 0, 0], unit: N m}}
+)");
+  write(dir_ / "units/scenario.lua", file_text(dir_ / "units/scenario.lua") + R"(
+local s = signals { h = { unit = "N m s", components = { "x", "y", "z" } }, k = { unit = "kg m^2/s", components = { "a", "b" } } }
+controller { name = "constants", rate = "10 Hz", step = function() s.h(1, 2, 3) s.k(4, 5) end }
+)");
+  const Finished run = regress();
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+  EXPECT_TRUE(has(file_text(dir_ / "out/regress/units/report.html"), "\"N*m*s N*m*s N*m*s\"")) << "each on the page";
+}
+
 TEST_F(Regress, AFailedCheckOfTheScenarioFails) {
   add("swing", printed() + "settings: {start: 31 deg}\n");  // which the period knows
   EXPECT_EQ(regress().exit_code, 1);
@@ -661,7 +691,11 @@ TEST_F(Diff, TellsWhatDiffersWhereAndByHowMuch) {
   const Finished report = run_program({"report", "a", "b"}, dir_.path());
   EXPECT_EQ(report.exit_code, 1) << report.err;
   EXPECT_TRUE(has(file_text(dir_ / "a/differences.html"), "hinges/rod/angle angle"));
-  EXPECT_EQ(diff({"a", "b", "--relative", "0.1"}).exit_code, 1) << "balances are round-off, which another run has otherwise";
+  EXPECT_EQ(diff({"a", "b", "--relative", "0.1"}).exit_code, 1) << "moments of the pin are round-off, which another run has otherwise";
+  const Finished but_for_rounding = diff({"a", "b", "--relative", "0.1", "--absolute", "1e-12"});
+  EXPECT_EQ(but_for_rounding.exit_code, 0) << but_for_rounding.out;
+  EXPECT_EQ(diff({"a", "b", "--relative", "1e-9", "--absolute", "1e-12"}).exit_code, 1);
+  for (const char* wrong : {"-1", "inf", "nan"}) EXPECT_EQ(diff({"a", "b", "--absolute", wrong}).exit_code, 2) << wrong;
 }
 
 TEST_F(Diff, OfOtherTimesIsToldClearly) {

@@ -44,6 +44,19 @@ TEST(ScriptDevices, AreSampledHeldAndResumed) {
   EXPECT_EQ(same.exit_code, 0) << same.out << same.err;
 }
 
+/// As the page has it, with the device that its last line describes.
+TEST(ScriptDevices, TheOneOfTheDocumentsRuns) {
+  const std::string page = file_text(CARDAN_SOURCE_DIR "/docs/scenario_lua.md");
+  const auto from = page.find("device { type ="), to = page.find("local sat", from), described = page.find("damper: {", to);
+  const TemporaryFolder dir;
+  const Finished done =
+      run(dir, "  gyro: {type: imu, at: bus, rate: 10 Hz}\n  " + page.substr(described, page.find('\n', described) - described) + "\n",
+          page.substr(from, to - from),
+          "mission { duration = 2 }\n"
+          "check { name = 'ticks', value = function() return sat:device('damper'):get 'ticks' end, equal = { 21 } }\n");
+  EXPECT_EQ(done.exit_code, 0) << done.err;
+}
+
 /// Inside of the right-hand side: a spring of the script on a slide swings at the frequency of the one that is built in.
 TEST(ScriptDevices, MayActInsideOfAStep) {
   const TemporaryFolder dir;

@@ -844,7 +844,6 @@ function Operators:log_det_gradient() end
 ---@return Diagonalised diagonalised
 function Operators:diagonalised(form) end
 
---- An operational space. x, F: rows of the task; v, tau: of the hinge space. What s:task{...} returns.
 ---@class ClosedTaskOptions
 ---@field nodes string[]
 ---@field rows? integer[] as in TaskOptions
@@ -901,6 +900,7 @@ function ClosedSystem:coriolis(nu) end
 ---@return Operators operators
 function ClosedSystem:open_tree() end
 
+--- An operational space. x, F: rows of the task; v, tau: of the hinge space. What s:task{...} returns.
 ---@class Task
 local Task = {}
 --- Lambda, the inertia felt by the rows.

@@ -102,6 +102,18 @@ TEST(Runs, AreComparedAtTheTimesThatBothHave) {
   EXPECT_EQ(d.components[0].worst.t, 2.0);
 }
 
+// Residuals are noise, and have the size of what is in balance: two runs that agree to 1e-11 agree in them too.
+TEST(Runs, ResidualsAreRelativeNumbersAsTheyAre) {
+  for (const char* path : {"ledger/energy", "loops/residual", "a/b"}) {
+    RunColumns first = run_of({0, 1}, {1e-12, 1e-13}), second = run_of({0, 1}, {3e-13, 2e-12});
+    first.columns[0].path = second.columns[0].path = path;
+    first.columns[0].units = second.columns[0].units = {"1"};
+    EXPECT_EQ(compare_runs(first, second, {0.0, 1e-11}, Agreement::integration).pass(false), std::string_view(path) != "a/b");
+    EXPECT_FALSE(compare_runs(first, second, {0.0, 1e-12}, Agreement::integration).pass(false));
+    EXPECT_FALSE(compare_runs(first, second, {}, Agreement::same_bits).pass(false));
+  }
+}
+
 TEST(Runs, WithoutATimeInCommonNeverPass) {
   EXPECT_FALSE(compare_runs(run_of({0, 1}, {5, 6}), run_of({0.5, 1.5}, {5, 6}), {1.0, 1.0}, Agreement::integration).pass(true));
 }
@@ -129,6 +141,20 @@ TEST(Runs, OfOtherChannelsComponentsOrUnitsDiffer) {
   EXPECT_EQ(units.misfits, std::vector<std::string>{"a/b: unit m against km"});
   EXPECT_FALSE(units.pass(true));
   EXPECT_TRUE(compare_runs(a, a, {}, Agreement::same_bits).pass(false));
+}
+
+TEST(UnitOfAChannel, ComesBackForEachComponent) {
+  using Units = std::vector<std::string>;
+  for (const auto& [units, text] :
+       {std::pair{Units{"m"}, "m"}, std::pair{Units{"N m"}, "N m"}, std::pair{Units{"m", "m", "m"}, "m"},
+        std::pair{Units{"N m", "N m", "N m"}, "N m"}, std::pair{Units{"N m", "N m"}, "N*m N*m"},
+        std::pair{Units{"N m s", "N m s", "N m s"}, "N*m*s N*m*s N*m*s"}, std::pair{Units{"kg m^2/s", "kg m^2/s"}, "kg*m^2/s kg*m^2/s"},
+        std::pair{Units{"N m", "N", "N"}, "N*m N N"}}) {
+    EXPECT_EQ(unit_of_channel(units), text);
+    EXPECT_EQ(units_of_components(text, units.size()), units);
+  }
+  EXPECT_EQ(units_of_components("Nm Nm N", 3), (Units{"N m", "N m", "N"})) << "of results of before";
+  EXPECT_EQ(units_of_components("N m", 2), (Units{"N m", "N m"})) << "and of these";
 }
 
 TEST(PackedColumns, ComeBackBitByBitInFewerBytes) {

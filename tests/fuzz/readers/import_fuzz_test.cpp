@@ -172,7 +172,7 @@ TEST(Fuzz, Import) {
     ImportOptions options;
     if (random.one_in(4)) options.base = random.one_in(2) ? ImportOptions::Base::free : ImportOptions::Base::fixed;
     if (random.one_in(8)) options.stop_stiffness = 100.0, options.friction_width = 0.01;
-    if (random.one_in(8)) options.initial = {{"q1", 0.1}};
+    if (random.one_in(8)) options.initial = {{"q1", "0.1"}};
     if (random.one_in(8)) options.leave_out = {random.of(kRobotWords)};
     keep(text);
     read_robot(text, options, registry);
