@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "tests/cases/published.hpp"
+#include "tests/support/worse.hpp"
 
 namespace cardan::test {
 namespace {
@@ -173,6 +174,93 @@ TEST(GravityGradient, LibratesWithTheEllipticPeriod) {
     ASSERT_EQ(back->size(), 1u);
     expect_relative(fmt::format("period from {} deg", amplitudes[i]), back->front() * n * std::sqrt(3 * K), want[i], ref.tolerance("rel"));
   }
+}
+
+// The roll angle is a sum of two cosines, cos(a k) and cos(b k) of samples k: one recursion of five samples has them all.
+TEST(GravityGradient, RollAndYawHaveTheFrequenciesOfDeBraAndDelp) {
+  const Published ref("orbit-debra-delp-roll-yaw");
+  const double mu = ref.model()["mu_m3s2"].as<double>(), radius = ref.model()["radius_m"].as<double>(),
+               n = std::sqrt(mu / std::pow(radius, 3));
+  const double roll = ref.initial()["roll_rad"].as<double>(), step = 300.0;
+  BodySpec body =
+      on(rigid("body", 1000.0, Vector3d::Zero(), diagonal(Published::as_vector(ref.model()["inertia_yaw_roll_pitch_kgm2"]))), "", "free");
+  body.hinge.q = joined(Eigen::Vector4d(std::cos(0.5 * roll), 0, std::sin(0.5 * roll), 0), radius * X);
+  body.hinge.v = joined(n * Z, n * radius * Y);
+  const auto sim = run_of(system({body}, central_gravity(mu, true)), "dop853");
+  std::vector<Vector3d> turned;
+  for (int k = 0; k * step * n < 6.0 * std::numbers::pi; ++k) {
+    sim->run(k * step);
+    const Eigen::Quaterniond from_orbit = Eigen::AngleAxisd(-n * sim->time(), Z) * quaternion(sim->state().q.data());
+    turned.push_back(2.0 * (from_orbit.w() < 0 ? -1.0 : 1.0) * from_orbit.vec() / roll);
+  }
+  const VectorXd w = ref.vector("frequencies over that of the orbit") * n * step;
+  const double a = 2.0 * std::cos(w[0]), b = 2.0 * std::cos(w[1]);
+  double off = 0.0;
+  for (std::size_t k = 2; k + 2 < turned.size(); ++k)
+    for (const int axis : {0, 1})
+      off = worse(off, std::abs(turned[k + 2][axis] + turned[k - 2][axis] - (a + b) * (turned[k + 1][axis] + turned[k - 1][axis]) +
+                                (2.0 + a * b) * turned[k][axis]));
+  expect_within("recursion of roll and yaw", off, ref.tolerance("recursion"));
+}
+
+TEST(Tether, HoldsTwoSatellitesOnTheVertical) {
+  const Published ref("orbit-tether-dumbbell");
+  const VectorXd mass = Published::as_vector(ref.model()["masses_kg"]), radius = Published::as_vector(ref.model()["radii_m"]);
+  const double mu = ref.model()["mu_m3s2"].as<double>(), rate = ref.number("rate of revolution");
+  SystemSpec spec = system({}, central_gravity(mu, true));
+  for (int i = 0; i < 2; ++i) {
+    BodySpec body = on(particle(fmt::format("body_{}", i), mass[i], Vector3d::Zero()), "", "translational");
+    body.hinge.q = {radius[i], 0, 0}, body.hinge.v = {0, rate * radius[i], 0};
+    spec.bodies.push_back(body);
+  }
+  LoopSpec tether;
+  tether.name = "tether", tether.type = "distance", tether.length = radius[0] - radius[1];
+  tether.from.body = "body_0", tether.to.body = "body_1";
+  spec.loops = {tether};
+  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+    spec.loop_form = form;
+    const auto sim = run_of(spec, "dop853", 1e-12);
+    const std::string by = loop_forms()[static_cast<std::size_t>(form)] + ": ";
+    double slack = 0.0;
+    const double want = ref.number("tension [N]");
+    sim->every({60, 1}, [&] { slack = worse(slack, std::abs(std::abs(sim->loop_forces().multipliers[0]) / want - 1.0)); });
+    sim->run(2.0 * std::numbers::pi / rate);
+    expect_within(by + "tension", slack, ref.tolerance("tension_rel"));
+    const VectorXd q = sim->state().q;
+    expect_vector(by + "after a revolution [m]", q, (VectorXd(6) << radius[0], 0, 0, radius[1], 0, 0).finished(),
+                  ref.tolerance("position_m"));
+  }
+}
+
+TEST(AllenEggers, FallsIntoTheAirWithTheSpeedOfTheClosedForm) {
+  const Published ref("env-allen-eggers-entry");
+  const auto of = [&](const char* name) { return ref.model()[name].as<double>(); };
+  const double H = of("scale_height_m"), R = of("radius_m"), ground = of("density_at_ground"),
+               start = ref.initial()["height_m"].as<double>(), speed = ref.initial()["speed_ms"].as<double>(),
+               beta = of("mass_kg") / (of("area_m2") * of("drag_coefficient"));
+  BodySpec body = on(particle("body", of("mass_kg"), Vector3d::Zero()), "", "translational");
+  body.hinge.q = {R + start, 0, 0}, body.hinge.v = {-speed, 0, 0};
+  SystemSpec spec = system({body});
+  FieldSpec air;
+  air.name = "air", air.type = "exponential_atmosphere";
+  for (const auto& [key, x] : {std::pair("density", ground), {"height", 0.0}, {"scale_height", H}, {"radius", R}})
+    air.params[key].value = x;
+  spec.fields = {air};
+  DeviceSpec drag;
+  drag.name = "drag", drag.type = "drag", drag.mounts["at"] = {"body", {}};
+  drag.params["area"].value = of("area_m2"), drag.params["coefficient"].value = of("drag_coefficient");
+  spec.devices = {drag};
+  const auto sim = run_of(spec, "dop853");
+  double off = 0.0, largest = 0.0, there = 0.0;
+  sim->every({1, 1000}, [&] {
+    const double h = sim->state().q[0] - R, v = -sim->state().v[0];
+    off = worse(off, std::abs(v / (speed * std::exp(-ground * H / (2.0 * beta) * (std::exp(-h / H) - std::exp(-start / H)))) - 1.0));
+    if (const double a = sim->vdot()[0]; a > largest) largest = a, there = v;
+  });
+  sim->run(30.0);
+  expect_within("speed over height", off, ref.tolerance("speed_rel"));
+  expect_relative("largest deceleration", largest, ref.number("largest deceleration"), ref.tolerance("peak_rel"));
+  expect_relative("speed there", there, ref.number("speed there"), 5e-4);  // between two looks 1252 m/s^2 take 1.3 m/s
 }
 
 // Not a vehicle: the integrators on a field that the engine does not have. An error grows a millionfold on the way
