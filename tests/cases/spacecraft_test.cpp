@@ -263,6 +263,84 @@ TEST(AllenEggers, FallsIntoTheAirWithTheSpeedOfTheClosedForm) {
   expect_relative("speed there", there, ref.number("speed there"), 5e-4);  // between two looks 1252 m/s^2 take 1.3 m/s
 }
 
+GravitySpec pull_of_field(const std::string& name) {
+  GravitySpec g;
+  g.kind = GravitySpec::Kind::field, g.field = name;
+  return g;
+}
+/// A particle in the gravity of an oblate planet.
+SystemSpec about_an_oblate_planet(double mu, double radius, double J2, const Vector3d& r, const Vector3d& v) {
+  BodySpec body = on(particle("body", 100.0, Vector3d::Zero()), "", "translational");
+  body.hinge.q = {r.x(), r.y(), r.z()}, body.hinge.v = {v.x(), v.y(), v.z()};
+  FieldSpec planet;
+  planet.name = "planet", planet.type = "zonal_harmonics";
+  for (const auto& [key, x] : {std::pair("mu", mu), {"radius", radius}, {"J2", J2}}) planet.params[key].value = x;
+  SystemSpec spec = system({body}, pull_of_field("planet"));
+  spec.fields = {planet};
+  return spec;
+}
+
+TEST(DraglessSphere, FallsToTheRotatingEarthAsSixProgramsSay) {
+  const Published ref("orbit-nesc-atmos01-dragless-sphere");
+  const YAML::Node earth = ref.model()["earth"];
+  const auto of = [&](const char* name) { return earth[name].as<double>(); };
+  const double a = of("radius_m"), rate = of("rate_rads"), foot = 0.3048, start = a + ref.initial()["altitude_m"].as<double>();
+  const auto sim = run_of(about_an_oblate_planet(of("mu_m3s2"), a, of("J2"), start * X, rate * start * Y), "dop853");
+  expect_relative("gravity at the start [ft/s2]", -sim->vdot()[0] / foot, ref.number("local gravity at t=0"), 1e-11);  // its digits
+  sim->run(30.0);
+  const Vector3d r = sim->state().q;
+  expect_vector("position [m]", r, foot * ref.vector("inertial position at 30 s"), ref.tolerance("position_m"));
+  // On the equator the ellipsoid is as far as its radius. Of the six programs those that print the position.
+  const VectorXd altitude = foot * ref.vector("altitude at 30 s, six tools");
+  for (const int tool : {3, 4, 5})
+    expect_absolute(fmt::format("altitude, tool 0{} [m]", tool + 1), r.norm() - a, altitude[tool], ref.tolerance("altitude_m"));
+  const double longitude = (std::atan2(r.y(), r.x()) - rate * 30.0) * 180.0 / std::numbers::pi;
+  expect_absolute("longitude [deg]", longitude, ref.number("longitude at 30 s"), ref.tolerance("longitude_deg"));
+}
+
+// Osculating elements swing about the mean ones, of which the case speaks: the start is beside them by what the theory of first order says
+// of the semi-major axis (Kaula 1966), and drifts are taken over whole revolutions from one ascending node to the next.
+TEST(OblatePlanet, TurnsOrbitsAtTheSecularRates) {
+  const Published ref("orbit-j2-secular");
+  const double mu = ref.model()["mu_m3s2"].as<double>(), R = ref.model()["radius_m"].as<double>(), J2 = ref.model()["J2"].as<double>();
+  const auto drifts = [&](const YAML::Node& orbit, double omega) {
+    const double a = orbit["a_m"].as<double>(), e = orbit["e"].as<double>(), i = orbit["i_deg"].as<double>() * std::numbers::pi / 180.0;
+    const double s2 = std::pow(std::sin(i), 2), apogee = 1.0 + e, u = omega + std::numbers::pi;
+    const double beside =
+        J2 * R * R / a *
+        (std::pow(apogee, -3) * (1.0 - 1.5 * s2 + 1.5 * s2 * std::cos(2.0 * u)) - (1.0 - 1.5 * s2) * std::pow(1.0 - e * e, -1.5));
+    const double r = (a + beside) * apogee, v = std::sqrt(mu / (a + beside) * (1.0 - e) / (1.0 + e));
+    const Vector3d out(std::cos(u), std::sin(u) * std::cos(i), std::sin(u) * std::sin(i));
+    const Vector3d ahead(-std::sin(u), std::cos(u) * std::cos(i), std::cos(u) * std::sin(i));
+    const auto sim = run_of(about_an_oblate_planet(mu, R, J2, r * out, v * ahead), "dop853", 1e-12);
+    std::vector<Vector3d> nodes;  // [s], longitude and argument of perigee
+    const auto times = crossings(
+        *sim, +1, [](const double* q, const double*) { return q[2]; },
+        [&] {
+          const Vector3d x = sim->state().q, w = sim->state().v, h = x.cross(w), node = Z.cross(h).normalized();
+          const Vector3d perigee = w.cross(h) / mu - x.normalized();
+          nodes.push_back(
+              {sim->time(), std::atan2(node.y(), node.x()), std::atan2(perigee.dot(h.normalized().cross(node)), perigee.dot(node))});
+        });
+    sim->run(5.0 * 86400.0);
+    const Vector3d over = nodes.back() - nodes.front();
+    const double days = over[0] / 86400.0, degree = 180.0 / std::numbers::pi;
+    return Vector3d(std::remainder(over[1], 2 * std::numbers::pi) * degree / days,
+                    std::remainder(over[2], 2 * std::numbers::pi) * degree / days, 360.0 * static_cast<double>(nodes.size() - 1) / days);
+  };
+  const YAML::Node orbits = ref.initial()["orbits"], near = ref.at("orbit 1"), far = ref.at("orbit 2");
+  const auto rate = [](const YAML::Node& of, const char* name) { return of[name].as<double>(); };
+  const Vector3d low = drifts(orbits[0], 0.5 * std::numbers::pi);
+  expect_relative("node of orbit 1 [deg/day]", low[0], rate(near, "raan"), ref.tolerance("rel"));
+  // From node to node: mean motion, excess and perigee together; against what J2 takes of it. J2^2 is 1e-6 of the mean motion, and some
+  // times that of the semi-major axis: 1 % of what J2 takes.
+  const double taken = rate(near, "mean_excess") + rate(near, "argp");
+  expect_relative("turn from node to node of orbit 1, less the mean motion [deg/day]", low[2] - rate(near, "mean_motion"), taken, 0.01);
+  const Vector3d molniya = drifts(orbits[1], 1.5 * std::numbers::pi);
+  expect_relative("node of orbit 2 [deg/day]", molniya[0], rate(far, "raan"), ref.tolerance("rel"));
+  expect_absolute("perigee of orbit 2 [deg/day]", molniya[1], rate(far, "argp"), ref.tolerance("rel") * std::abs(rate(far, "raan")));
+}
+
 // Not a vehicle: the integrators on a field that the engine does not have. An error grows a millionfold on the way
 // round.
 TEST(ArenstorfOrbit, ClosesAfterItsPeriod) {

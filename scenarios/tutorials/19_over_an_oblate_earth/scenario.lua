@@ -1,5 +1,5 @@
 -- Check-cases of NASA's Engineering and Safety Center: bodies dropped and thrown over an oblate Earth that turns, in the standard atmosphere of 1976.
--- Neither this gravity nor this air comes with Cardan: two devices of the script are all it takes. Numbers of other programs are compared.
+-- This air does not come with Cardan: a device of the script is all it takes. Numbers of other programs are compared.
 
 local foot = 0.3048
 local p = parameters { case = "drop" }
@@ -13,22 +13,11 @@ local cases = {                                                    -- what six p
 }
 local case = assert(cases[p.case], "no such case")
 
--- WGS-84: equatorial radius, flattening, turn, attraction and its first harmonic.
-local radius, flattening, turn, mu, J2 = 6378137.0, 1 / 298.257223563, 7.292115e-5, 398600441800000.0, 0.00108262982
+-- WGS-84: equatorial radius, flattening, turn. The attraction is in vehicle.yaml.
+local radius, flattening, turn = 6378137.0, 1 / 298.257223563, 7.292115e-5
 
 local function in_world(R, x) return { R[1] * x[1] + R[2] * x[2] + R[3] * x[3], R[4] * x[1] + R[5] * x[2] + R[6] * x[3], R[7] * x[1] + R[8] * x[2] + R[9] * x[3] } end
 local function in_node(R, x) return { R[1] * x[1] + R[4] * x[2] + R[7] * x[3], R[2] * x[1] + R[5] * x[2] + R[8] * x[3], R[3] * x[1] + R[6] * x[2] + R[9] * x[3] } end
-
-device {
-  type = "lua/earth", mounts = { at = "node" }, params = { mass = "kg" }, in_step = true,
-  evaluate = function(a)
-    local x, y, z = a.at.position[1], a.at.position[2], a.at.position[3]
-    local r2 = x * x + y * y + z * z
-    local pull, bulge, high = -a.mass * mu / r2 ^ 1.5, 1.5 * J2 * radius * radius / r2, 5 * z * z / r2
-    local across = pull * (1 + bulge * (1 - high))
-    return { at = { force = in_node(a.at.R, { across * x, across * y, pull * (1 + bulge * (3 - high)) * z }) } }
-  end,
-}
 
 -- Height over the ellipsoid [m] and geodetic latitude [rad].
 local function geodetic(x, y, z)
