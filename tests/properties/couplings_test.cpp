@@ -403,6 +403,30 @@ TEST(Couplings, WhatHasNoInertiaButByThemTellsTheForcesThatHoldIt) {
   EXPECT_TRUE(sim.ledger().pass) << render(sim.warnings());
 }
 
+/// Where gradients do not change on the way it may be as long as it likes: it was 400 steps of 0.1 rad, or of a tenth of the lever.
+TEST(Couplings, AWheelThatHasTurnedFarFindsItsGear) {
+  SystemSpec spec = system({on(rigid("motor", 1.0, {0, 0, 0}, diagonal({0.01, 0.01, 0.01})), "", "revolute", {{0, 0, 1}}),
+                            on(rigid("drum", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "revolute", {{0, 0, 1}})});
+  spec.bodies[0].hinge.q = {5e5};
+  LoopSpec gear;
+  gear.name = "gear", gear.type = "coupling";
+  gear.terms = {{"motor", 1.0, {}}, {"drum", -3.3, {}}};
+  spec.loops = {gear};
+  EXPECT_NEAR(compiled(spec)->initial_state().q[1], 5e5 / 3.3, 1e-9);
+}
+TEST(Couplings, ASpacecraftThatIsWeldedToOneInOrbitIsFoundThere) {
+  SystemSpec spec = system({on(rigid("a", 300.0, {0, 0, 0}, diagonal({100, 120, 90})), "", "free"),
+                            on(rigid("b", 200.0, {0, 0, 0}, diagonal({40, 50, 60})), "", "free")});
+  spec.bodies[0].hinge.q = {1, 0, 0, 0, 6878e3, 0, 0}, spec.bodies[0].hinge.v = {0, 0, 0.02, 0, 7612, 0};
+  LoopSpec dock;
+  dock.name = "dock", dock.type = "weld";
+  dock.from.body = "a", dock.from.position = {1, 0, 0}, dock.to.body = "b", dock.to.position = {-1, 0, 0};
+  spec.loops = {dock};
+  const State s = compiled(spec)->initial_state();
+  EXPECT_LE((s.q.tail<3>() - Eigen::Vector3d(6878002.0, 0, 0)).norm(), 1e-8);
+  EXPECT_LE((s.v.tail<6>() - (Eigen::VectorXd(6) << 0, 0, 0.02, 0, 7612.04, 0).finished()).norm(), 1e-10);
+}
+
 // ---- rows that are given as functions of time ----
 
 /// A mass on a string that is hauled in and out: m r^2 theta' stays, r is given.
