@@ -280,7 +280,7 @@ class Assembler {
   MatrixXd root_;
   std::vector<std::uint8_t> turns_;
   double reach_ = 0.0;
-  double stretch_ = 1.0;  // of steps: longer ones where gradients stay what they are, as of gears and of bodies that only shift
+  double stretch_ = 1.0;   // of steps: longer ones where gradients stay what they are, as of gears and of bodies that only shift
   bool in_doubt_ = false;  // weak rows: whether they count is told where it ends
 };
 
