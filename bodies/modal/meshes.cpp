@@ -21,6 +21,7 @@ constexpr int kMostBeamElements = 4000;
 constexpr double kMostUnknowns = 150'000, kBytesPerUnknown = 12e3;  // of a plate, factor and modes
 constexpr double kThickPlate = 0.1, kDeepBeam = 0.1;  // thickness over the shorter side, depth over length: errors of some percent
 constexpr double kSoftest = 1e5, kStiffest = 2e12, kDensest = 25e3;  // [Pa], [Pa], [kg/m^3] foams, carbon, osmium: beyond lie typing errors
+constexpr double kLeastShear = 0.02;                                 // shear area over area: below lie areas in m^2
 
 std::string bytes_text(double bytes) {
   return bytes >= 1e12  ? fmt::format("{:.3g} TB", bytes / 1e12)
@@ -87,8 +88,17 @@ struct Checks {
     positive(field + ".Iy", s.Iy, "m^4");
     positive(field + ".Iz", s.Iz, "m^4");
     positive(field + ".J", s.J, "m^4");
-    at_least(field + ".shear_y", s.shear_y, 0.0);
-    at_least(field + ".shear_z", s.shear_z, 0.0);
+    shear_factor(field + ".shear_y", s.shear_y);
+    shear_factor(field + ".shear_z", s.shear_z);
+  }
+  void shear_factor(const std::string& field, double kappa) const {
+    if (!(kappa >= 0.0 && kappa <= 1.0))
+      refuse(at, field, Code::out_of_range, "shear area over area, 0 (without shear) to 1", fmt::format("{}", kappa),
+             "a shear area in m^2 is to be divided by `area`");
+    if (kappa > 0.0 && kappa < kLeastShear)
+      doubt(Code::unusual_value, field,
+            fmt::format("a shear factor of {:g}: solid sections have 0.83 to 0.93, thin tubes 0.5, thin webs 0.2 and more", kappa),
+            "it is the shear area over `area`, not the shear area in m^2");
   }
 };
 

@@ -447,7 +447,7 @@ bool run_absolute(const Model& model, Workspace& ws, const Inputs& in, double* v
   if (!keeps_rows_left_out(model, ws, pass, a)) return false;
   take_multipliers(model, k, a.system, a.lambda.data());
   pass.share();
-  push_open_tree(model, ws, in, pass);
+  push_open_tree(model, ws, in, pass, vdot);
   return true;
 }
 

@@ -10,8 +10,8 @@
 namespace cardan {
 
 template <class T>
-void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* tau, InverseTerms terms, const Part* part) {
-  require_open_tree(model, "inverse dynamics");
+void inverse_dynamics_of_tree(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* tau, InverseTerms terms,
+                              const Part* part) {
   const soa::Sweeps<T>& S = soa::sweeps<T>();
   soa::Inputs<T> use = in;
   use.gravity = in.gravity && terms.gravity;
@@ -39,6 +39,14 @@ void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inpu
     S.node_wrenches(model, ws, use);
   }
   for (auto run = part->runs.rbegin(); run != part->runs.rend(); ++run) S.gather(model, ws, use, *run, tau);
+}
+template void inverse_dynamics_of_tree(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*, InverseTerms,
+                                       const Part*);
+
+template <class T>
+void inverse_dynamics(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* tau, InverseTerms terms, const Part* part) {
+  require_open_tree(model, "inverse dynamics");
+  inverse_dynamics_of_tree(model, ws, in, tau, terms, part);
 }
 template void inverse_dynamics(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*, InverseTerms, const Part*);
 template void inverse_dynamics(const Model&, soa::Workspace<soa::Lanes<2>>&, const soa::Inputs<soa::Lanes<2>>&, soa::Lanes<2>*,

@@ -20,6 +20,10 @@ struct InverseTerms {
 template <class T>
 void inverse_dynamics(const Model& model, soa::Workspace<T>& workspace, const soa::Inputs<T>& in, T* tau, InverseTerms terms = {},
                       const Part* part = nullptr);
+/// The same, also of a vehicle with closed loops: of its tree, where loops push with what is in in.wrenches and in the tau that comes out.
+template <class T>
+void inverse_dynamics_of_tree(const Model& model, soa::Workspace<T>& workspace, const soa::Inputs<T>& in, T* tau, InverseTerms terms = {},
+                              const Part* part = nullptr);
 
 /// Mass matrix M = H phi M phi* H*, nv x nv, by the composite body inertia (Lyapunov recursion, 4.3), O(N^2).
 Eigen::MatrixXd mass_matrix(const Model& model, Workspace& workspace, const double* q);

@@ -18,6 +18,7 @@ using Eigen::VectorXd;
 
 constexpr int kSteps = 400;
 constexpr double kReach = 0.1;      // [rad], of slides in levers: the longest step
+constexpr double kStraight = 1e-9;  // a step that changes gradients by less may be followed by one twice as long
 constexpr double kSingular = 0.2;   // a step that leaves less of the determinant of the pivots is too long
 constexpr double kShortest = 1e-7;  // a step of such a part of what it should be leads nowhere
 constexpr double kPart = 0.1;       // of what the gradients promise of a step, at least
@@ -136,6 +137,7 @@ class Assembler {
   bool newton(VectorXd& q) {
     Here here = look(q);
     settle();
+    stretch_ = 1.0;
     for (int i = 0; i < kSteps && here.open() > kMet; ++i) {
       const VectorXd y = here.solve(-here.r), change = here.A * y;
       if (!(change.norm() > kNearest * here.r.norm())) break;  // as near as rows that contradict each other let it
@@ -143,8 +145,11 @@ class Assembler {
       const auto better = [&](const Here& there, double s) {
         return there.r.norm() <= open + kPart * ((here.r + s * change).norm() - open);
       };
+      const MatrixXd before = here.A;
       if (!step_along(q, here, in_velocities(y), better)) break;
+      stretch_ = (here.A - before).cwiseAbs().maxCoeff() <= kStraight * before.cwiseAbs().maxCoeff() ? 2.0 * stretch_ : 1.0;
     }
+    stretch_ = 1.0;
     return here.open() <= kAlmost;
   }
 
@@ -272,7 +277,7 @@ class Assembler {
   double longest(const VectorXd& step) const {
     double most = 1.0;
     for (std::size_t i = 0; i < free_.size(); ++i) {
-      const double reach = turns_[static_cast<std::size_t>(free_[i])] != 0 ? kReach : reach_;
+      const double reach = stretch_ * (turns_[static_cast<std::size_t>(free_[i])] != 0 ? kReach : reach_);
       most = std::max(most, std::abs(step[static_cast<Eigen::Index>(i)]) / reach);
     }
     return 1.0 / most;
@@ -311,6 +316,7 @@ class Assembler {
   MatrixXd root_;
   std::vector<std::uint8_t> turns_;
   double reach_ = 0.0;
+  double stretch_ = 1.0;   // of steps: longer ones where gradients stay what they are, as of gears and of bodies that only shift
   bool in_doubt_ = false;  // weak rows: whether they count is told where it ends
 };
 

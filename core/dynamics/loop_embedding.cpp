@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/dynamics/inverse.hpp"
 #include "core/dynamics/loop_pass.hpp"
 
 namespace cardan {
@@ -317,7 +318,19 @@ bool closed_response(const Model& model, Workspace& ws, const double* q, const L
   return respond(model, ws, q, drives, tau, vdot);
 }
 
-void push_open_tree(const Model& model, Workspace& ws, const Inputs& in, LoopPass& pass) {
+namespace {
+
+/// The same where a direction of the open tree has no inertia and moves as loops alone have it: with v' the forces are known.
+void push_known_motion(const Model& model, Workspace& ws, Inputs in, const double* vdot) {
+  if (!model.flexible.empty()) throw NumericsError(describe_breakdown(model, ws.breakdown, 0.0));
+  in.vdot = vdot;
+  inverse_dynamics_of_tree(model, ws, in, ws.loops->response.data());
+  for (int k = 1; k < static_cast<int>(model.bodies.size()); ++k) ws.core(k).delta = {};  // all of it is in gamma, and the force in z
+}
+
+}  // namespace
+
+void push_open_tree(const Model& model, Workspace& ws, const Inputs& in, LoopPass& pass, const double* vdot) {
   const soa::Sweeps<double>& S = soa::sweeps<double>();
   pass.push();
   Inputs pushed = in;
@@ -328,6 +341,7 @@ void push_open_tree(const Model& model, Workspace& ws, const Inputs& in, LoopPas
   pass.restore();
   S.node_wrenches(model, ws, pushed);
   for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.inward(model, ws, pushed, *run, {});
+  if (ws.breakdown.body != 0) return push_known_motion(model, ws, pushed, vdot);
   for (const Run& run : model.runs) S.acceleration(model, ws, pushed, run, ws.loops->response.data());
 }
 
@@ -339,7 +353,7 @@ void settle_loops(const Model& model, Workspace& ws, const Inputs& in) {
   pass.place();
   std::ranges::fill(ws.loops->lambda, 0.0);
   if (!EmbeddedMultipliers(model, ws, in).find(pass)) return;
-  push_open_tree(model, ws, in, pass);
+  push_open_tree(model, ws, in, pass, ws.loops->vdot.data());
 }
 
 }  // namespace cardan

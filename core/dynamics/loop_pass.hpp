@@ -99,6 +99,15 @@ class LoopPass {
     for (const double slope : k_.gradient[at(&loop - loops_.all.data())]) size = std::max(size, std::abs(slope));
     return size;
   }
+  /// How far its ends are from home, or its coordinates from zero, in what its rows are measured in: they are rounded to so much.
+  double reach_of(const Loop& loop) const {
+    const std::size_t l = at(&loop - loops_.all.data());
+    if (loop.closing != Closing::coupling) return std::sqrt(std::max(dot(k_.from[l].x, k_.from[l].x), dot(k_.to[l].x, k_.to[l].x)));
+    double reach = 0.0;
+    for (std::size_t i = 0; i < k_.gradient[l].size(); ++i)
+      reach = std::max(reach, std::abs(k_.gradient[l][i] * in_.q[loop.coupling.terms[i].q]));
+    return reach;
+  }
   /// Factor that takes a row to metres.
   double in_metres(const Loop& loop, int row) const {
     if (loop.closing == Closing::coupling) return 1.0;
@@ -163,8 +172,9 @@ inline constexpr double kDependent = 1e-10;
 /// differs on open ones by about as much; but not more than 1e-4: rows of loops that are far open are still rows.
 inline double more_than_dependent(double open) { return std::max(kDependent, std::min(10.0 * open, 1e-4)); }
 
-/// Observers read of the workspace what the open tree does with the loops pushing (push()), from what was kept.
-void push_open_tree(const Model& model, Workspace& ws, const Inputs& in, LoopPass& pass);
+/// Observers read of the workspace what the open tree does with the loops pushing (push()), from what was kept. `vdot`: of the
+/// closed system.
+void push_open_tree(const Model& model, Workspace& ws, const Inputs& in, LoopPass& pass, const double* vdot);
 /// Where each component of v is an angular velocity.
 std::vector<std::uint8_t> turning(const Model& model);
 /// The start that is nearest in the metric of the mass matrix (weighted) and closes the loops: hinges that may move do, on the way from the

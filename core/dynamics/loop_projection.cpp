@@ -8,8 +8,10 @@
 namespace cardan {
 namespace {
 
-constexpr double kClosed = 4e-15;  // residual that counts as none, relative to the size of a loop
-constexpr int kTries = 20;         // of Newton's method
+constexpr double kClosed = 4e-15;                        // residual that counts as none, relative to the size of a loop
+constexpr double kRounded = 4.5e-16;                     // the same, relative to how far from home it is: places are rounded there
+constexpr double kStalled = 1e-11, kStalledFar = 1e-14;  // what does not become less below these is rounding; relative to the same two
+constexpr int kTries = 20;                               // of Newton's method
 
 }  // namespace
 
@@ -32,10 +34,17 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
     for (const Loop& loop : model_.loops.all) {
       const double size = pass.size_of(loop);
       for (int i = loop.first; i < loop.first + loop.rows; ++i) {
-        const double one = std::abs(x[static_cast<std::size_t>(i)]) * pass.in_metres(loop, i) / size;
+        const double metres = std::abs(x[static_cast<std::size_t>(i)]) * pass.in_metres(loop, i);
+        if (&x == &work.c && metres <= kRounded * pass.reach_of(loop)) continue;
+        const double one = metres / size;
         if (!(one <= most)) most = one, worst_ = i;  // what is no number is the largest
       }
     }
+    return most;
+  };
+  const auto stalled = [&] {
+    double most = kStalled;
+    for (const Loop& loop : model_.loops.all) most = std::max(most, kStalledFar * pass.reach_of(loop) / pass.size_of(loop));
     return most;
   };
   /// The least motion M^-1 G* mu that takes G of it from x. False: a row without compliance.
@@ -59,21 +68,21 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
     return true;
   };
   double before = std::numeric_limits<double>::infinity();
+  int in_place = 0;  // the row that was open most
   for (int i = 0;; ++i) {
     if (!stand(model_, ws_, q, !model_.loops.embedding)) return false;
     pass.place();
     const double now = largest(work.c);
-    if (i == 0) distance_ = now;
+    if (i == 0) distance_ = now, in_place = worst_;
     open_ = now;
     if (!std::isfinite(now)) return false;
-    if (now <= kClosed || (i > 0 && now > 0.5 * before && before < 1e-11)) break;
+    if (now <= kClosed || (i > 0 && now > 0.5 * before && before < stalled())) break;
     if (i == kTries || (i > 2 && now > before)) return false;
     if (!take(work.c)) return false;
     model_.retract(q, step_.data(), next_.data());
     std::copy_n(next_.data(), model_.nq, q);
     before = now;
   }
-  const int in_place = worst_;
   rate_ = largest(work.rate);
   if (!(rate_ > distance_)) worst_ = in_place;
   if (!take(work.rate)) return false;

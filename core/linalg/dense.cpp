@@ -2,6 +2,7 @@
 
 #include <Eigen/Dense>
 #include <algorithm>
+#include <cmath>
 #include <numeric>
 
 namespace cardan {
@@ -28,7 +29,27 @@ std::optional<VectorXd> generalised_eigenvalues(const MatrixXd& K, const MatrixX
   return solver.eigenvalues();
 }
 
-Eigen::VectorXcd eigenvalues(const MatrixXd& A) { return Eigen::EigenSolver<MatrixXd>(A, false).eigenvalues(); }
+/// Rows and columns of like size by powers of 2, without rounding (Parlett and Reinsch 1969; Osborne 1960). Without it the squares of a
+/// stiff mode, beside rates that count once, take the digits of all other eigenvalues.
+static void balance(MatrixXd& A) {
+  constexpr double kWorth = 0.95;  // less of the norm is no gain
+  for (bool changed = true; changed;) {
+    changed = false;
+    for (Eigen::Index i = 0; i < A.rows(); ++i) {
+      const double diagonal = std::abs(A(i, i)), column = A.col(i).lpNorm<1>() - diagonal, row = A.row(i).lpNorm<1>() - diagonal;
+      if (!(column > 0.0 && row > 0.0) || !std::isfinite(column + row)) continue;
+      const double factor = std::exp2(std::round(0.5 * std::log2(row / column)));
+      if (factor * column + row / factor >= kWorth * (column + row)) continue;
+      A.col(i) *= factor, A.row(i) /= factor;
+      changed = true;
+    }
+  }
+}
+Eigen::VectorXcd eigenvalues(const MatrixXd& A) {
+  MatrixXd balanced = A;
+  balance(balanced);
+  return Eigen::EigenSolver<MatrixXd>(balanced, false).eigenvalues();
+}
 
 VectorXd singular_values(const MatrixXd& A) { return Eigen::JacobiSVD<MatrixXd>(A).singularValues(); }
 RightSingular right_singular(const MatrixXd& A) {

@@ -5,7 +5,11 @@
 #include "bodies/modal/lumped.hpp"
 #include "bodies/modal/modal_source.hpp"
 #include "core/dynamics/inverse.hpp"
+#include "core/dynamics/loops.hpp"
 #include "core/linalg/dense.hpp"
+#include "core/model/loops.hpp"
+#include "core/operators/linear_model.hpp"
+#include "core/operators/system_modes.hpp"
 #include "tests/cases/published.hpp"
 
 namespace cardan::test {
@@ -408,6 +412,86 @@ TEST(FreeFlyingBeam, KeepsMomentumAndMassCentreUnderLargeDeformation) {
   }
   expect_vector("mass centre at 10 s [m]", com(), ref.vector("centre of mass at 10 s"), ref.tolerance("com_m"));
   EXPECT_GT(bent, 0.3) << "[m] else this is no large motion";
+}
+
+/// A beam along x with an interface at its tip, of `count` modes of the fixed interface.
+std::shared_ptr<const ModalData> nafems_beam(BeamModel beam, int count) {
+  ModalSource source;
+  beam.elements = 40;
+  source.points = {{"tip", beam.length * X, true}};
+  source.model = std::move(beam);
+  source.boundary = Boundary::craig_bampton;
+  source.modes.count = count;
+  source.damping = {0.0};
+  return std::make_shared<const ModalData>(make_modal_data(source));
+}
+
+TEST(NafemsFv4, MassesBesideTheAxisOfACantilever) {
+  const Published ref("modal-nafems-fv4");
+  const auto of = [&](const char* name) { return ref.model()[name].as<double>(); };
+  BeamModel beam;
+  beam.length = of("length_m"), beam.material = {of("E_Pa"), of("nu"), of("rho_kgm3")};
+  beam.section = tube_section(0.25, 0.25), beam.rotary_inertia = false;  // as in Bernoulli and Euler's theory
+  std::vector<BodySpec> bodies = {flexible("beam", nafems_beam(beam, 30))};
+  const VectorXd mass = Published::as_vector(ref.model()["masses_kg"]), off = Published::as_vector(ref.model()["off_the_axis_m"]);
+  for (int i = 0; i < 2; ++i) {
+    bodies.push_back(on(particle(fmt::format("mass_{}", i), mass[i], off[i] * Y), "beam", "locked"));
+    bodies.back().hinge.inboard_node = "tip";
+  }
+  const VectorXd want = ref.vector("f [Hz]"), f = omega2(system(bodies)).head(6).cwiseSqrt() / (2.0 * std::numbers::pi);
+  for (int i = 0; i < 6; ++i) expect_relative(fmt::format("f{} [Hz]", i + 1), f[i], want[i], ref.tolerance("rel"));
+}
+
+// The hinge at one end and a loop at the other are the supports.
+TEST(NafemsFv5, ADeepBeamOnTwoSupports) {
+  const Published ref("modal-nafems-fv5");
+  const auto of = [&](const char* name) { return ref.model()[name].as<double>(); };
+  const VectorXd side = Published::as_vector(ref.model()["section_m"]);
+  const double I = side[0] * std::pow(side[1], 3) / 12.0, kappa = of("shear_factor");
+  BeamModel beam;
+  beam.length = of("length_m"), beam.material = {of("E_Pa"), of("nu"), of("rho_kgm3")};
+  beam.section = {side[0] * side[1], I, I, 2.0 * I, kappa, kappa};
+  SystemSpec spec = system({on(flexible("beam", nafems_beam(beam, 40)), "", "universal", {Y, Z})});
+  LoopSpec support;
+  support.name = "support", support.type = "line", support.to.body = "beam", support.to.node = "tip";
+  support.from.R = Eigen::AngleAxisd(0.5 * std::numbers::pi, Y).toRotationMatrix();  // its z along the beam
+  spec.loops = {support};
+  const auto model = compiled(spec);
+  const State s = model->initial_state();
+  Workspace ws(*model);
+  operators::TreeOperators tree(open_tree(model));
+  tree.at(s.q.data());
+  const auto modes = operators::closed_system_modes(tree, loop_freedom(*model, ws, s.q.data()).X, {.elastic = 9});
+  const VectorXd want = ref.vector("f [Hz]");
+  ASSERT_GE(modes.frequency.size(), 9);
+  for (int i = 0; i < 9; ++i) expect_relative(fmt::format("f{} [Hz]", i + 1), modes.frequency[i], want[i], ref.tolerance("rel"));
+}
+
+// The shaft weighs 3e-7 kg beside 10: 1e-8 of the frequencies. 18 of its own modes, up to 1e7 rad/s, are in the linear model.
+TEST(StodolaGreenRotor, WhirlsForwardAndBackward) {
+  const Published ref("flex-stodola-green-rotor");
+  BeamModel shaft;
+  shaft.length = 1.0, shaft.material = {200e9, 0.3, 1e-3}, shaft.section = tube_section(0.01, 0.01), shaft.rotary_inertia = false;
+  const double polar = ref.model()["polar_kgm2"].as<double>(), diametral = ref.model()["diametral_kgm2"].as<double>();
+  BodySpec disc = on(rigid("disc", ref.model()["disc_kg"].as<double>(), Vector3d::Zero(), diagonal({polar, diametral, diametral})), "shaft",
+                     "revolute", {X});
+  disc.hinge.inboard_node = "tip";
+  const auto model = compiled(system({flexible("shaft", nafems_beam(shaft, 12)), disc}));
+  State s = model->initial_state();
+  const auto whirl = [&](double spin) {
+    s.v[model->nv - 1] = spin;
+    std::vector<double> up;
+    for (const operators::Pole& p : operators::poles(operators::linearize(*model, {.q = s.q.data(), .v = s.v.data()}).A))
+      if (p.value.imag() > 1.0) up.push_back(p.value.imag());
+    return up;
+  };
+  const VectorXd at_rest = ref.vector("at rest"), spinning = ref.vector("at 100 rad/s");
+  const std::vector<double> rest = whirl(0.0), fast = whirl(100.0);
+  ASSERT_GE(std::min(rest.size(), fast.size()), 4u);
+  for (std::size_t i = 0; i < 4; ++i) {
+    expect_relative(fmt::format("at rest, {}", i + 1), rest[i], at_rest[static_cast<Eigen::Index>(i / 2)], ref.tolerance("rel"));
+    expect_relative(fmt::format("at 100 rad/s, {}", i + 1), fast[i], spinning[static_cast<Eigen::Index>(i)], ref.tolerance("rel"));
+  }
 }
 
 }  // namespace

@@ -221,5 +221,141 @@ TEST(FlyballGovernor, IsHeldByStiffDampers) {
   expect_relative("vy at 1 ms", speed(), ref.number("vy of rod+ball"), ref.tolerance("rel"));
 }
 
+LoopSpec coupling(const char* name, std::vector<LoopSpec::Term> terms, double offset = 0.0) {
+  LoopSpec l;
+  l.name = name, l.type = "coupling", l.terms = std::move(terms), l.offset = offset;
+  return l;
+}
+
+// The drum turns with the place where the cord leaves it, the ball slides along the cord. Neither arm has a mass that counts.
+TEST(YoYo, DespinsItsSpacecraft) {
+  const Published ref("loop-yoyo-despin");
+  const double I = ref.model()["hub_inertia_kgm2"].as<double>(), R = ref.model()["drum_radius_m"].as<double>(),
+               w0 = ref.initial()["rate_rads"].as<double>(), l0 = ref.initial()["cord_m"].as<double>(), light = 1e-12;
+  const VectorXd mass = Published::as_vector(ref.model()["masses_kg"]);
+  const double c = 1.0 + I / (mass.sum() * R * R);
+  const auto rate = [&](double l) { return w0 * (c * R * R - l * l) / (c * R * R + l * l); };
+  BodySpec hub = on(rigid("hub", 100.0, Vector3d::Zero(), diagonal({I, I, I})), "", "revolute", {Z});
+  hub.hinge.v = {rate(l0)};
+  SystemSpec spec = system({hub});
+  for (int i = 0; i < 2; ++i) {
+    const std::string arm = fmt::format("arm_{}", i), ball = fmt::format("ball_{}", i);
+    const double side = i == 0 ? 1.0 : -1.0;
+    BodySpec a = on(rigid(arm, light, Vector3d::Zero(), diagonal({light, light, light})), "hub", "revolute", {Z});
+    a.hinge.q = {l0 / R}, a.hinge.v = {w0};
+    BodySpec b = on(particle(ball, mass[i], Vector3d::Zero()), arm, "prismatic", {-side * Y}, side * R * X);
+    b.hinge.q = {l0}, b.hinge.v = {R * w0};
+    spec.bodies.insert(spec.bodies.end(), {a, b});
+    spec.loops.push_back(coupling(arm.c_str(), {{arm, R, {}}, {ball, -1.0, {}}}));
+  }
+  const auto sim = run_of(spec, "dop853", 1e-12);
+  double apart = 0.0;
+  sim->every({1, 1000}, [&] { apart = worse(apart, std::abs(sim->state().v[0] - rate(sim->state().q[2]))); });
+  const auto until = [&](double l) { sim->run((l - l0) / ref.number("speed of unwinding")); };
+  until(1.0);
+  expect_absolute("rate at l = 1 m", sim->state().v[0], ref.number("rate of the hub at l = 1 m"), ref.tolerance("abs"));
+  until(2.0);
+  expect_absolute("rate at l = 2 m", sim->state().v[0], ref.number("rate of the hub at l = 2 m"), ref.tolerance("abs"));
+  until(ref.number("cord when the hub stands still"));
+  expect_absolute("cord", sim->state().q[2], ref.number("cord when the hub stands still"), ref.tolerance("abs"));
+  expect_absolute("rate at the end", sim->state().v[0], 0.0, ref.tolerance("abs"));
+  expect_within("rate over the cord", apart, ref.tolerance("abs"));
+}
+
+TEST(SwingingAtwood, OfMassRatioThreeKeepsItsSecondIntegral) {
+  const Published ref("loop-swinging-atwood");
+  const double m = ref.model()["bob_kg"].as<double>(), M = ref.model()["weight_kg"].as<double>(), g = 9.81, light = 1e-14;
+  const double start = ref.initial()["r_m"].as<double>();
+  BodySpec arm = on(rigid("arm", light, Vector3d::Zero(), diagonal({light, light, light})), "", "revolute", {Y});
+  arm.hinge.q = {ref.initial()["theta_rad"].as<double>()};
+  BodySpec bob = on(particle("bob", m, Vector3d::Zero()), "arm", "prismatic", {-Z});
+  bob.hinge.q = {start};
+  BodySpec weight = on(particle("weight", M, Vector3d::Zero()), "", "prismatic", {-Z});
+  SystemSpec spec = system({arm, bob, weight}, uniform_gravity(-g * Z));
+  spec.loops = {coupling("string", {{"bob", 1.0, {}}, {"weight", 1.0, {}}}, start)};
+  const auto sim = run_of(spec, "dop853");
+  const auto polar = [&] {
+    const State& s = sim->state();
+    return Eigen::Vector4d(s.q[1], s.v[1], s.q[0], s.v[0]);
+  };
+  double off = 0.0;
+  const double want = ref.number("second integral");
+  sim->every({1, 100}, [&] {
+    const Eigen::Vector4d x = polar();
+    const double r = x[0], s = std::sin(0.5 * x[2]), c = std::cos(0.5 * x[2]);
+    off = worse(off, std::abs((r * r * x[3] * (x[1] * c - 0.5 * r * x[3] * s) + g * r * r * s * c * c) / want - 1.0));
+  });
+  for (const char* t : {"0.5 s", "1 s"}) {
+    sim->run(std::stod(t));
+    expect_vector(std::string("state at ") + t, polar(), ref.vector(std::string("r, r', theta, theta' at ") + t),
+                  ref.tolerance("state_abs"));
+  }
+  sim->run(5.0);
+  expect_within("second integral", off, ref.tolerance("integral_rel"));
+}
+
+// x and y of a planar hinge follow its angle, which has no inertia: the bead is a point.
+TEST(HuygensTautochrone, SwingsInTheSameTimeFromEverywhere) {
+  const Published ref("loop-huygens-tautochrone");
+  constexpr double r = 0.5;
+  for (const double a : {0.5, 1.5, 2.5}) {
+    BodySpec bead = on(particle("bead", 1.0, Vector3d::Zero()), "", "planar", {X, Y});
+    bead.hinge.q = {r * (a + std::sin(a)), -r * (1.0 + std::cos(a)), a};
+    SystemSpec spec = system({bead}, uniform_gravity(-9.81 * Y));
+    LoopSpec along = coupling("along", {{"bead.x", -1.0, {}}, {"bead.angle", r, {}}}), up = coupling("up", {{"bead.y", -1.0, {}}}, r);
+    LoopSpec::Function f;
+    f.kind = "sine", f.numbers = {r}, f.of = {{"bead.angle", 1.0, {}}};
+    along.functions = {f};
+    f.kind = "cosine", f.numbers = {-r};
+    up.functions = {f};
+    spec.loops = {along, up};
+    const auto sim = run_of(spec, "dop853");
+    const auto turns = crossings(*sim, -1, [](const double*, const double* v) { return v[2]; });  // at +a
+    const double period = ref.number("period");
+    sim->run(2.25 * period);
+    ASSERT_EQ(turns->size(), 2u);
+    expect_relative(fmt::format("period from {} rad", a), turns->at(1) - turns->at(0), period, ref.tolerance("period_rel"));
+    const LedgerState ledger = sim->ledger();
+    expect_within(fmt::format("ledgers from {} rad", a), worse({ledger.linear_relative, ledger.angular_relative, ledger.energy_relative}),
+                  ref.tolerance("ledger"));
+  }
+}
+
+TEST(Bennett, TurnsAboutFourAxesOfWhichCountingAllowsNone) {
+  const Published ref("loop-bennett");
+  const double lengths[] = {1.0, 2.0, 1.0}, twist = ref.model()["twist_of_the_long_links_rad"].as<double>(), twists[] = {0.5, twist, 0.5};
+  const double K = ref.number("tan(theta_1/2) tan(theta_2/2)"), first = ref.initial()["first_angle_rad"].as<double>();
+  const double angles[] = {first, 2.0 * std::atan(K / std::tan(0.5 * first)), -first};
+  SystemSpec spec = system({});
+  for (int i = 0; i < 3; ++i) {
+    BodySpec link =
+        on(rigid(fmt::format("link_{}", i), 1.0, Vector3d::Zero(), diagonal({1, 1, 1})), i == 0 ? "" : fmt::format("link_{}", i - 1),
+           "revolute", {Z}, i == 0 ? Vector3d(Vector3d::Zero()) : Vector3d(lengths[i - 1] * X));
+    if (i > 0) link.hinge.onode_R = Eigen::AngleAxisd(twists[i - 1], X).toRotationMatrix();
+    link.hinge.q = {angles[i]};
+    if (i == 0) link.hinge.v = {ref.initial()["rate_rads"].as<double>()};
+    spec.bodies.push_back(link);
+  }
+  LoopSpec last;
+  last.name = "last", last.type = "revolute", last.params = along({Z});
+  last.from.body = "link_2", last.from.position = lengths[2] * X, last.from.R = Eigen::AngleAxisd(twists[2], X).toRotationMatrix();
+  last.to.position = -2.0 * X, last.to.R = Eigen::AngleAxisd(-twist, X).toRotationMatrix();
+  spec.loops = {last};
+  const auto sim = run_of(spec, "dop853", 1e-12);
+  const Model& m = sim->model();
+  Workspace ws(m);
+  const LoopRank rank = loop_rank(m, ws, sim->state().q.data());
+  EXPECT_EQ(m.nv - rank.rank, ref.at("degrees of freedom").as<int>());
+  EXPECT_EQ(static_cast<int>(rank.redundant.size()), ref.at("rows that others imply").as<int>());
+  double off = 0.0;
+  sim->every({1, 100}, [&] {
+    const VectorXd& q = sim->state().q;
+    off = worse(off, std::abs(std::tan(0.5 * q[0]) * std::tan(0.5 * q[1]) - K));
+  });
+  sim->run(2.0);
+  expect_within("tan(theta_1/2) tan(theta_2/2)", off, ref.tolerance("abs"));
+  expect_within("residual", open(*sim), 2e-14);
+}
+
 }  // namespace
 }  // namespace cardan::test

@@ -4,7 +4,10 @@
 
 #include "core/dynamics/inverse.hpp"
 #include "core/linalg/dense.hpp"
+#include "core/operators/linear_model.hpp"
+#include "core/operators/system_modes.hpp"
 #include "tests/cases/published.hpp"
+#include "tests/support/worse.hpp"
 
 namespace cardan::test {
 namespace {
@@ -395,6 +398,65 @@ TEST(FoucaultPendulum, TurnsWithTheSineOfTheLatitude) {
   ASSERT_GT(farthest->size(), 430u);                                                // twice per swing of 16.4 s
   const std::size_t last = farthest->size() - (farthest->size() % 2 == 0 ? 1 : 2);  // counted from 0: the odd ones are on its side
   expect_relative("precession", azimuth / kDegree / (farthest->at(last) / 3600.0), ref.number("plane precession"), ref.tolerance("rel"));
+}
+
+// P at the tip along the second rod: the load at which a pole first leaves the left half plane, by bisection.
+TEST(ZieglersPendulum, FluttersAtThePublishedLoads) {
+  const Published ref("rigid-ziegler-follower-force");
+  const auto flutter = [](double damping) {
+    std::vector<BodySpec> rods;
+    for (const auto& [name, inboard, mass] : {std::tuple("lower", "", 2.0), std::tuple("upper", "lower", 1.0)}) {
+      BodySpec rod = on(particle(name, mass, X), inboard, "revolute", {Z}, *inboard ? X : Vector3d(Vector3d::Zero()));
+      rod.hinge.springs = {{0, 1.0, 0.0, damping, {}}};
+      rod.nodes = {{"end", X, Eigen::Matrix3d::Identity(), {}}};
+      rods.push_back(rod);
+    }
+    const auto model = compiled(system(rods));
+    const State s = model->initial_state();
+    const auto grows = [&](double load) {
+      const NodeWrench push{model->find_node("upper.end"), false, {{0, 0, 0}, {-load, 0, 0}}};
+      const auto linear = operators::linearize(*model, {.q = s.q.data(), .v = s.v.data(), .wrenches = {&push, 1}});
+      double most = -HUGE_VAL;
+      for (const operators::Pole& p : operators::poles(linear.A)) most = std::max(most, p.value.real());
+      return most > (damping > 0.0 ? 0.0 : 1e-6);  // without damping all poles are on the axis, but for rounding: sqrt(P - P_cr) beyond
+    };
+    double low = 1.0, high = 3.0;
+    for (int i = 0; i < 50; ++i) (grows(0.5 * (low + high)) ? high : low) = 0.5 * (low + high);
+    return low;
+  };
+  expect_absolute("without damping", flutter(0.0), ref.number("P l/k without damping"), ref.tolerance("undamped"));
+  expect_absolute("B = 0.001", flutter(0.001), ref.number("P l/k with B = 0.001"), ref.tolerance("damped"));
+  expect_absolute("B = 0.1", flutter(0.1), ref.number("P l/k with B = 0.1"), ref.tolerance("damped"));
+}
+
+TEST(KovalevskayaTop, KeepsTheFourthIntegral) {
+  const Published ref("rigid-kovalevskaya-top");
+  const Vector3d c = Published::as_vector(ref.model()["com_from_point_m"]),
+                 about = Published::as_vector(ref.model()["inertia_about_point_kgm2"]);
+  const double m = ref.model()["mass"].as<double>(), g = 9.81, k = m * g * c.x() / about.z();
+  BodySpec top = on(rigid("top", m, c, diagonal(about - m * c.x() * c.x() * Vector3d(0, 1, 1))), "", "ball");
+  const VectorXd turn = Published::as_vector(ref.initial()["orientation_zyx_rad"]),
+                 omega = Published::as_vector(ref.initial()["omega_body_rads"]);
+  const Eigen::Quaterniond at = Eigen::AngleAxisd(turn[0], Z) * Eigen::AngleAxisd(turn[1], Y) * Eigen::AngleAxisd(turn[2], X);
+  top.hinge.q = {at.w(), at.x(), at.y(), at.z()};
+  top.hinge.v = {omega[0], omega[1], omega[2]};
+  const auto sim = run_of(system({top}, uniform_gravity(-g * Z)), "dop853");
+  const auto vertical = [&] { return Vector3d(quaternion(sim->state().q.data()).conjugate() * Z); };
+  double off = 0.0;
+  const double want = ref.number("fourth integral");
+  sim->every({1, 50}, [&] {
+    const double* w = sim->state().v.data();
+    const Vector3d up = vertical();
+    const double kept = std::pow(w[0] * w[0] - w[1] * w[1] - k * up[0], 2) + std::pow(2.0 * w[0] * w[1] - k * up[1], 2);
+    off = worse(off, std::abs(kept / want - 1.0));
+  });
+  for (const char* t : {"1 s", "2 s"}) {
+    sim->run(std::stod(t));
+    expect_vector(std::string("omega at ") + t, sim->state().v, ref.vector(std::string("omega at ") + t), ref.tolerance("omega_abs"));
+    expect_vector(std::string("vertical at ") + t, vertical(), ref.vector(std::string("vertical at ") + t), ref.tolerance("omega_abs"));
+  }
+  sim->run(20.0);
+  expect_within("fourth integral", off, ref.tolerance("integral_rel"));
 }
 
 }  // namespace

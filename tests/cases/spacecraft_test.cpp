@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "tests/cases/published.hpp"
+#include "tests/support/worse.hpp"
 
 namespace cardan::test {
 namespace {
@@ -173,6 +174,171 @@ TEST(GravityGradient, LibratesWithTheEllipticPeriod) {
     ASSERT_EQ(back->size(), 1u);
     expect_relative(fmt::format("period from {} deg", amplitudes[i]), back->front() * n * std::sqrt(3 * K), want[i], ref.tolerance("rel"));
   }
+}
+
+// The roll angle is a sum of two cosines, cos(a k) and cos(b k) of samples k: one recursion of five samples has them all.
+TEST(GravityGradient, RollAndYawHaveTheFrequenciesOfDeBraAndDelp) {
+  const Published ref("orbit-debra-delp-roll-yaw");
+  const double mu = ref.model()["mu_m3s2"].as<double>(), radius = ref.model()["radius_m"].as<double>(),
+               n = std::sqrt(mu / std::pow(radius, 3));
+  const double roll = ref.initial()["roll_rad"].as<double>(), step = 300.0;
+  BodySpec body =
+      on(rigid("body", 1000.0, Vector3d::Zero(), diagonal(Published::as_vector(ref.model()["inertia_yaw_roll_pitch_kgm2"]))), "", "free");
+  body.hinge.q = joined(Eigen::Vector4d(std::cos(0.5 * roll), 0, std::sin(0.5 * roll), 0), radius * X);
+  body.hinge.v = joined(n * Z, n * radius * Y);
+  const auto sim = run_of(system({body}, central_gravity(mu, true)), "dop853");
+  std::vector<Vector3d> turned;
+  for (int k = 0; k * step * n < 6.0 * std::numbers::pi; ++k) {
+    sim->run(k * step);
+    const Eigen::Quaterniond from_orbit = Eigen::AngleAxisd(-n * sim->time(), Z) * quaternion(sim->state().q.data());
+    turned.push_back(2.0 * (from_orbit.w() < 0 ? -1.0 : 1.0) * from_orbit.vec() / roll);
+  }
+  const VectorXd w = ref.vector("frequencies over that of the orbit") * n * step;
+  const double a = 2.0 * std::cos(w[0]), b = 2.0 * std::cos(w[1]);
+  double off = 0.0;
+  for (std::size_t k = 2; k + 2 < turned.size(); ++k)
+    for (const int axis : {0, 1})
+      off = worse(off, std::abs(turned[k + 2][axis] + turned[k - 2][axis] - (a + b) * (turned[k + 1][axis] + turned[k - 1][axis]) +
+                                (2.0 + a * b) * turned[k][axis]));
+  expect_within("recursion of roll and yaw", off, ref.tolerance("recursion"));
+}
+
+TEST(Tether, HoldsTwoSatellitesOnTheVertical) {
+  const Published ref("orbit-tether-dumbbell");
+  const VectorXd mass = Published::as_vector(ref.model()["masses_kg"]), radius = Published::as_vector(ref.model()["radii_m"]);
+  const double mu = ref.model()["mu_m3s2"].as<double>(), rate = ref.number("rate of revolution");
+  SystemSpec spec = system({}, central_gravity(mu, true));
+  for (int i = 0; i < 2; ++i) {
+    BodySpec body = on(particle(fmt::format("body_{}", i), mass[i], Vector3d::Zero()), "", "translational");
+    body.hinge.q = {radius[i], 0, 0}, body.hinge.v = {0, rate * radius[i], 0};
+    spec.bodies.push_back(body);
+  }
+  LoopSpec tether;
+  tether.name = "tether", tether.type = "distance", tether.length = radius[0] - radius[1];
+  tether.from.body = "body_0", tether.to.body = "body_1";
+  spec.loops = {tether};
+  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+    spec.loop_form = form;
+    const auto sim = run_of(spec, "dop853", 1e-12);
+    const std::string by = loop_forms()[static_cast<std::size_t>(form)] + ": ";
+    double slack = 0.0;
+    const double want = ref.number("tension [N]");
+    sim->every({60, 1}, [&] { slack = worse(slack, std::abs(std::abs(sim->loop_forces().multipliers[0]) / want - 1.0)); });
+    sim->run(2.0 * std::numbers::pi / rate);
+    expect_within(by + "tension", slack, ref.tolerance("tension_rel"));
+    const VectorXd q = sim->state().q;
+    expect_vector(by + "after a revolution [m]", q, (VectorXd(6) << radius[0], 0, 0, radius[1], 0, 0).finished(),
+                  ref.tolerance("position_m"));
+  }
+}
+
+TEST(AllenEggers, FallsIntoTheAirWithTheSpeedOfTheClosedForm) {
+  const Published ref("env-allen-eggers-entry");
+  const auto of = [&](const char* name) { return ref.model()[name].as<double>(); };
+  const double H = of("scale_height_m"), R = of("radius_m"), ground = of("density_at_ground"),
+               start = ref.initial()["height_m"].as<double>(), speed = ref.initial()["speed_ms"].as<double>(),
+               beta = of("mass_kg") / (of("area_m2") * of("drag_coefficient"));
+  BodySpec body = on(particle("body", of("mass_kg"), Vector3d::Zero()), "", "translational");
+  body.hinge.q = {R + start, 0, 0}, body.hinge.v = {-speed, 0, 0};
+  SystemSpec spec = system({body});
+  FieldSpec air;
+  air.name = "air", air.type = "exponential_atmosphere";
+  for (const auto& [key, x] : {std::pair("density", ground), {"height", 0.0}, {"scale_height", H}, {"radius", R}})
+    air.params[key].value = x;
+  spec.fields = {air};
+  DeviceSpec drag;
+  drag.name = "drag", drag.type = "drag", drag.mounts["at"] = {"body", {}};
+  drag.params["area"].value = of("area_m2"), drag.params["coefficient"].value = of("drag_coefficient");
+  spec.devices = {drag};
+  const auto sim = run_of(spec, "dop853");
+  double off = 0.0, largest = 0.0, there = 0.0;
+  sim->every({1, 1000}, [&] {
+    const double h = sim->state().q[0] - R, v = -sim->state().v[0];
+    off = worse(off, std::abs(v / (speed * std::exp(-ground * H / (2.0 * beta) * (std::exp(-h / H) - std::exp(-start / H)))) - 1.0));
+    if (const double a = sim->vdot()[0]; a > largest) largest = a, there = v;
+  });
+  sim->run(30.0);
+  expect_within("speed over height", off, ref.tolerance("speed_rel"));
+  expect_relative("largest deceleration", largest, ref.number("largest deceleration"), ref.tolerance("peak_rel"));
+  expect_relative("speed there", there, ref.number("speed there"), 5e-4);  // between two looks 1252 m/s^2 take 1.3 m/s
+}
+
+GravitySpec pull_of_field(const std::string& name) {
+  GravitySpec g;
+  g.kind = GravitySpec::Kind::field, g.field = name;
+  return g;
+}
+/// A particle in the gravity of an oblate planet.
+SystemSpec about_an_oblate_planet(double mu, double radius, double J2, const Vector3d& r, const Vector3d& v) {
+  BodySpec body = on(particle("body", 100.0, Vector3d::Zero()), "", "translational");
+  body.hinge.q = {r.x(), r.y(), r.z()}, body.hinge.v = {v.x(), v.y(), v.z()};
+  FieldSpec planet;
+  planet.name = "planet", planet.type = "zonal_harmonics";
+  for (const auto& [key, x] : {std::pair("mu", mu), {"radius", radius}, {"J2", J2}}) planet.params[key].value = x;
+  SystemSpec spec = system({body}, pull_of_field("planet"));
+  spec.fields = {planet};
+  return spec;
+}
+
+TEST(DraglessSphere, FallsToTheRotatingEarthAsSixProgramsSay) {
+  const Published ref("orbit-nesc-atmos01-dragless-sphere");
+  const YAML::Node earth = ref.model()["earth"];
+  const auto of = [&](const char* name) { return earth[name].as<double>(); };
+  const double a = of("radius_m"), rate = of("rate_rads"), foot = 0.3048, start = a + ref.initial()["altitude_m"].as<double>();
+  const auto sim = run_of(about_an_oblate_planet(of("mu_m3s2"), a, of("J2"), start * X, rate * start * Y), "dop853");
+  expect_relative("gravity at the start [ft/s2]", -sim->vdot()[0] / foot, ref.number("local gravity at t=0"), 1e-11);  // its digits
+  sim->run(30.0);
+  const Vector3d r = sim->state().q;
+  expect_vector("position [m]", r, foot * ref.vector("inertial position at 30 s"), ref.tolerance("position_m"));
+  // On the equator the ellipsoid is as far as its radius. Of the six programs those that print the position.
+  const VectorXd altitude = foot * ref.vector("altitude at 30 s, six tools");
+  for (const int tool : {3, 4, 5})
+    expect_absolute(fmt::format("altitude, tool 0{} [m]", tool + 1), r.norm() - a, altitude[tool], ref.tolerance("altitude_m"));
+  const double longitude = (std::atan2(r.y(), r.x()) - rate * 30.0) * 180.0 / std::numbers::pi;
+  expect_absolute("longitude [deg]", longitude, ref.number("longitude at 30 s"), ref.tolerance("longitude_deg"));
+}
+
+// Osculating elements swing about the mean ones, of which the case speaks: the start is beside them by what the theory of first order says
+// of the semi-major axis (Kaula 1966), and drifts are taken over whole revolutions from one ascending node to the next.
+TEST(OblatePlanet, TurnsOrbitsAtTheSecularRates) {
+  const Published ref("orbit-j2-secular");
+  const double mu = ref.model()["mu_m3s2"].as<double>(), R = ref.model()["radius_m"].as<double>(), J2 = ref.model()["J2"].as<double>();
+  const auto drifts = [&](const YAML::Node& orbit, double omega) {
+    const double a = orbit["a_m"].as<double>(), e = orbit["e"].as<double>(), i = orbit["i_deg"].as<double>() * std::numbers::pi / 180.0;
+    const double s2 = std::pow(std::sin(i), 2), apogee = 1.0 + e, u = omega + std::numbers::pi;
+    const double beside =
+        J2 * R * R / a *
+        (std::pow(apogee, -3) * (1.0 - 1.5 * s2 + 1.5 * s2 * std::cos(2.0 * u)) - (1.0 - 1.5 * s2) * std::pow(1.0 - e * e, -1.5));
+    const double r = (a + beside) * apogee, v = std::sqrt(mu / (a + beside) * (1.0 - e) / (1.0 + e));
+    const Vector3d out(std::cos(u), std::sin(u) * std::cos(i), std::sin(u) * std::sin(i));
+    const Vector3d ahead(-std::sin(u), std::cos(u) * std::cos(i), std::cos(u) * std::sin(i));
+    const auto sim = run_of(about_an_oblate_planet(mu, R, J2, r * out, v * ahead), "dop853", 1e-12);
+    std::vector<Vector3d> nodes;  // [s], longitude and argument of perigee
+    const auto times = crossings(
+        *sim, +1, [](const double* q, const double*) { return q[2]; },
+        [&] {
+          const Vector3d x = sim->state().q, w = sim->state().v, h = x.cross(w), node = Z.cross(h).normalized();
+          const Vector3d perigee = w.cross(h) / mu - x.normalized();
+          nodes.push_back(
+              {sim->time(), std::atan2(node.y(), node.x()), std::atan2(perigee.dot(h.normalized().cross(node)), perigee.dot(node))});
+        });
+    sim->run(5.0 * 86400.0);
+    const Vector3d over = nodes.back() - nodes.front();
+    const double days = over[0] / 86400.0, degree = 180.0 / std::numbers::pi;
+    return Vector3d(std::remainder(over[1], 2 * std::numbers::pi) * degree / days,
+                    std::remainder(over[2], 2 * std::numbers::pi) * degree / days, 360.0 * static_cast<double>(nodes.size() - 1) / days);
+  };
+  const YAML::Node orbits = ref.initial()["orbits"], near = ref.at("orbit 1"), far = ref.at("orbit 2");
+  const auto rate = [](const YAML::Node& of, const char* name) { return of[name].as<double>(); };
+  const Vector3d low = drifts(orbits[0], 0.5 * std::numbers::pi);
+  expect_relative("node of orbit 1 [deg/day]", low[0], rate(near, "raan"), ref.tolerance("rel"));
+  // From node to node: mean motion, excess and perigee together; against what J2 takes of it. J2^2 is 1e-6 of the mean motion, and some
+  // times that of the semi-major axis: 1 % of what J2 takes.
+  const double taken = rate(near, "mean_excess") + rate(near, "argp");
+  expect_relative("turn from node to node of orbit 1, less the mean motion [deg/day]", low[2] - rate(near, "mean_motion"), taken, 0.01);
+  const Vector3d molniya = drifts(orbits[1], 1.5 * std::numbers::pi);
+  expect_relative("node of orbit 2 [deg/day]", molniya[0], rate(far, "raan"), ref.tolerance("rel"));
+  expect_absolute("perigee of orbit 2 [deg/day]", molniya[1], rate(far, "argp"), ref.tolerance("rel") * std::abs(rate(far, "raan")));
 }
 
 // Not a vehicle: the integrators on a field that the engine does not have. An error grows a millionfold on the way

@@ -226,5 +226,21 @@ TEST(Poles, OfAnOscillator) {
   EXPECT_GT(p[0].value.imag(), 0.0);
 }
 
+// M = [1 1/2; 1/2 1], K = diag(k, K): 3/4 s^4 + (k + K) s^2 + k K = 0.
+TEST(Poles, OfAStiffModeBesideASoftOneHaveTheirDigits) {
+  for (const double k : {1e-6, 1.0})
+    for (const double K : {1e4, 1e10, 1e14}) {
+      MatrixXd A = MatrixXd::Zero(4, 4);
+      A.topRightCorner(2, 2).setIdentity();
+      A.bottomLeftCorner(2, 2) << -k / 0.75, 0.5 * K / 0.75, 0.5 * k / 0.75, -K / 0.75;
+      const double sum = k + K + std::sqrt((k + K) * (k + K) - 3.0 * k * K), soft = std::sqrt(2.0 * k * K / sum),
+                   stiff = std::sqrt(sum / 1.5);
+      const auto p = operators::poles(A);
+      ASSERT_EQ(p.size(), 4u);
+      EXPECT_NEAR(p[0].value.imag() / soft, 1.0, 1e-8) << k << ", " << K;  // the stiff square rounds the soft one through the mass between
+      EXPECT_NEAR(p[2].value.imag() / stiff, 1.0, 1e-14) << k << ", " << K;
+    }
+}
+
 }  // namespace
 }  // namespace cardan::test

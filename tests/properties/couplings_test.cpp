@@ -364,6 +364,69 @@ TEST(Couplings, ARunWithACamKeepsItClosedAndEnergyHonest) {
   }
 }
 
+/// A bead on a cycloid, x = r (a + sin a), y = -r (1 + cos a), on which an arm hangs. The bead is a point: a has no inertia of its own in
+/// the open tree, where nothing but the couplings tells its acceleration.
+SystemSpec bead_on_a_cycloid(BodySpec bead) {
+  constexpr double r = 0.5;
+  bead = on(std::move(bead), "", "planar", {{1, 0, 0}, {0, 1, 0}});
+  bead.hinge.q = {r * (1.2 + std::sin(1.2)), -r * (1.0 + std::cos(1.2)), 1.2};
+  bead.hinge.v = {2.0 * r * (1.0 + std::cos(1.2)), 2.0 * r * std::sin(1.2), 2.0};
+  BodySpec arm = on(rigid("arm", 0.7, {0.3, 0, 0}, diagonal({0.01, 0.02, 0.02})), "bead", "revolute", {{0, 0, 1}});
+  arm.hinge.q = {0.4}, arm.hinge.v = {-3.0};
+  SystemSpec s = system({bead, arm}, uniform_gravity({0, -9.81, 0}));
+  const auto follows = [](const char* name, const char* coordinate, double slope, const char* kind, double scale) {
+    LoopSpec l;
+    l.name = name, l.type = "coupling";
+    l.terms = {{coordinate, -1.0, {}}};
+    if (slope != 0.0) l.terms.push_back({"bead.angle", slope, {}});
+    LoopSpec::Function f;
+    f.kind = kind, f.numbers = {1.0}, f.scale = scale, f.of = {{"bead.angle", 1.0, {}}};
+    l.functions = {f};
+    return l;
+  };
+  s.loops = {follows("along", "bead.x", r, "sine", r), follows("up", "bead.y", 0.0, "cosine", -r)};
+  s.loops[1].offset = r;
+  return s;
+}
+
+TEST(Couplings, WhatHasNoInertiaButByThemTellsTheForcesThatHoldIt) {
+  Simulation sim(compiled(bead_on_a_cycloid(particle("bead", 2.0, {0, 0, 0}))), {.integrator = {.relative_tolerance = 1e-11}});
+  Simulation light(compiled(bead_on_a_cycloid(rigid("bead", 2.0, {0, 0, 0}, diagonal({1e-8, 1e-8, 1e-8})))), {});
+  for (const int body : {0, 1}) {
+    const Vector6d got = to_eigen(sim.observe().hinge_wrench(body)), want = to_eigen(light.observe().hinge_wrench(body));
+    EXPECT_LE((got - want).norm(), 1e-6 * want.norm()) << body;  // 1e-8 kg m^2 beside m r^2 = 0.5 kg m^2
+    const int node = sim.model().find_node(body == 0 ? "bead" : "arm");
+    const Vector6d a = sim.observe().node(node).acceleration, b = light.observe().node(node).acceleration;
+    EXPECT_LE((a - b).norm(), 1e-6 * b.norm()) << body;
+  }
+  sim.run(2.0);
+  EXPECT_TRUE(sim.ledger().pass) << render(sim.warnings());
+}
+
+/// Where gradients do not change on the way it may be as long as it likes: it was 400 steps of 0.1 rad, or of a tenth of the lever.
+TEST(Couplings, AWheelThatHasTurnedFarFindsItsGear) {
+  SystemSpec spec = system({on(rigid("motor", 1.0, {0, 0, 0}, diagonal({0.01, 0.01, 0.01})), "", "revolute", {{0, 0, 1}}),
+                            on(rigid("drum", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "revolute", {{0, 0, 1}})});
+  spec.bodies[0].hinge.q = {5e5};
+  LoopSpec gear;
+  gear.name = "gear", gear.type = "coupling";
+  gear.terms = {{"motor", 1.0, {}}, {"drum", -3.3, {}}};
+  spec.loops = {gear};
+  EXPECT_NEAR(compiled(spec)->initial_state().q[1], 5e5 / 3.3, 1e-9);
+}
+TEST(Couplings, ASpacecraftThatIsWeldedToOneInOrbitIsFoundThere) {
+  SystemSpec spec = system({on(rigid("a", 300.0, {0, 0, 0}, diagonal({100, 120, 90})), "", "free"),
+                            on(rigid("b", 200.0, {0, 0, 0}, diagonal({40, 50, 60})), "", "free")});
+  spec.bodies[0].hinge.q = {1, 0, 0, 0, 6878e3, 0, 0}, spec.bodies[0].hinge.v = {0, 0, 0.02, 0, 7612, 0};
+  LoopSpec dock;
+  dock.name = "dock", dock.type = "weld";
+  dock.from.body = "a", dock.from.position = {1, 0, 0}, dock.to.body = "b", dock.to.position = {-1, 0, 0};
+  spec.loops = {dock};
+  const State s = compiled(spec)->initial_state();
+  EXPECT_LE((s.q.tail<3>() - Eigen::Vector3d(6878002.0, 0, 0)).norm(), 1e-8);
+  EXPECT_LE((s.v.tail<6>() - (Eigen::VectorXd(6) << 0, 0, 0.02, 0, 7612.04, 0).finished()).norm(), 1e-10);
+}
+
 // ---- rows that are given as functions of time ----
 
 /// A mass on a string that is hauled in and out: m r^2 theta' stays, r is given.

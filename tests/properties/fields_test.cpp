@@ -458,6 +458,28 @@ TEST(FieldsOfDevices, DragKnowsAirThatTurnsWithItsPlanet) {
   EXPECT_NEAR(orbiting.y() / (-0.5 * rho * 2.0 * 3.0 * std::pow(7600.0 - omega * r, 2) / 100.0), 1.0, 1e-12);
 }
 
+/// U by Legendre polynomials of another hand; that the pull is its slope is a law of fields.
+TEST(ZonalHarmonics, HaveThePotentialOfTheirSeries) {
+  const cardan_field_family& f = *registry().field("zonal_harmonics");
+  const double mu = 398600.4418e9, a = 6378.137e3;
+  const Vector3d axis = Vector3d(0.3, -0.2, 0.9).normalized(), centre(1e5, -2e5, 3e5), x(4e6, -5e6, 3.5e6);
+  const double r = (x - centre).norm(), s = (x - centre).dot(axis) / r;
+  for (int n = 2; n <= 6; ++n) {
+    ParamTable values;
+    values.numbers = {
+        {"mu", {mu}}, {"radius", {a}}, {"axis", {axis.x(), axis.y(), axis.z()}}, {"centre", {centre.x(), centre.y(), centre.z()}}};
+    for (int k = 2; k <= 6; ++k) values.numbers[fmt::format("J{}", k)] = {k == n ? 1e-3 * k : 0.0};
+    std::vector<double> packed(f.params_size / sizeof(double) + 1);
+    const cardan_param_values view = values.view();
+    ASSERT_EQ(f.pack(&view, packed.data()), 0);
+    const cardan_field_args args{sizeof args, 0.0, packed.data(), nullptr};
+    double value[4];
+    ASSERT_EQ(f.evaluate(&args, 1, x.data(), value, nullptr), 0);
+    const double U = -mu / r * (1.0 - 1e-3 * n * std::pow(a / r, n) * std::legendre(static_cast<unsigned>(n), s));
+    EXPECT_NEAR(value[3] / U, 1.0, 1e-15) << n;
+  }
+}
+
 /// On a line across the shadow of the Earth, against the overlap of two discs by quadrature.
 TEST(Sunlight, IsThePartOfTheDiscThatIsSeen) {
   const cardan_field_family& f = *registry().field("sunlight");

@@ -290,6 +290,8 @@ TEST(ModalSourceErrors, TellWhichKeyIsWrong) {
   EXPECT_EQ(beam_with([](auto&, auto& b) { b.material.rho = 0; }), "C0301 wing.material.rho");
   EXPECT_EQ(beam_with([](auto&, auto& b) { b.material.nu = 0.5; }), "C0301 wing.material.nu");
   EXPECT_EQ(beam_with([](auto&, auto& b) { b.section.J = 0; }), "C0301 wing.section.J");
+  EXPECT_EQ(beam_with([](auto&, auto& b) { b.section.shear_y = 3.3; }), "C0301 wing.section.shear_y") << "an area in m^2";
+  EXPECT_EQ(beam_with([](auto&, auto& b) { b.section.shear_z = -0.1; }), "C0301 wing.section.shear_z");
   EXPECT_EQ(beam_with([](auto&, auto& b) { b.elements = 0; }), "C0301 wing.elements");
   EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes = {}; }), "C0105 wing.modes");
   EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes.count = -1; }), "C0301 wing.modes.count");
@@ -352,6 +354,9 @@ TEST(Doubts, OfPlatesBeamsMaterialsAndDampingHaveNumbers) {
   EXPECT_EQ(of(s), "W0304 modal.section ") << "0.2 m deep, 1 m long, without shear";
   std::get<BeamModel>(s.model).section = rectangle_section(0.02, 0.2, true);
   EXPECT_EQ(of(s), "");
+  std::get<BeamModel>(s.model).section.shear_y = 5e-3;
+  EXPECT_EQ(of(s), "W0302 modal.section.shear_y ") << "an area in m^2";
+  std::get<BeamModel>(s.model).section.shear_y = 0.5;
   std::get<BeamModel>(s.model).material.rho = 2700e3;
   EXPECT_EQ(of(s), "W0302 modal.material.rho ");
 
