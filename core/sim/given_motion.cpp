@@ -135,7 +135,7 @@ bool Simulation::close_loops(double t, double* q, double* v) {
   unless_thrown([&] { closed = loops_->close(q, v, drives_.data()); });
   if (!closed) breakdown_ = loops_->breakdown();
   if (closed && loops_->pivot() < kNearSingular) tell_near_singular();
-  drifted_ = drifted_ || loops_->distance() > kDrift * options_.integrator.relative_tolerance;
+  drifted_ = drifted_ || loops_->drift() > kDrift * options_.integrator.relative_tolerance;
   return closed;
 }
 
