@@ -42,6 +42,14 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
     }
     return most;
   };
+  const auto drift = [&] {
+    double most = 0.0;
+    for (const Loop& loop : model_.loops.all)
+      for (int i = loop.first; i < loop.first + loop.rows; ++i)
+        most = std::max(most, std::abs(work.c[static_cast<std::size_t>(i)]) * pass.in_metres(loop, i) /
+                                  std::max(pass.size_of(loop), pass.reach_of(loop)));
+    return most;
+  };
   const auto stalled = [&] {
     double most = kStalled;
     for (const Loop& loop : model_.loops.all) most = std::max(most, kStalledFar * pass.reach_of(loop) / pass.size_of(loop));
@@ -73,7 +81,7 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
     if (!stand(model_, ws_, q, !model_.loops.embedding)) return false;
     pass.place();
     const double now = largest(work.c);
-    if (i == 0) distance_ = now, in_place = worst_;
+    if (i == 0) distance_ = now, drift_ = drift(), in_place = worst_;
     open_ = now;
     if (!std::isfinite(now)) return false;
     if (now <= kClosed || (i > 0 && now > 0.5 * before && before < stalled())) break;

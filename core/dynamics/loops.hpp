@@ -92,6 +92,8 @@ class LoopProjection {
   /// Of the last close(), before it changed anything: the largest residuals of c and of G v, relative to the size of the loops.
   double distance() const { return distance_; }
   double rate() const { return rate_; }
+  /// As distance(), relative to where loops and their ends are if that is more: what tolerances of coordinates are relative to.
+  double drift() const { return drift_; }
   /// The row that was open most.
   int worst() const { return worst_; }
   /// The smallest pivot of scaled rows there, and its row: small near a singular posture.
@@ -107,6 +109,7 @@ class LoopProjection {
   int worst_ = 0, weakest_ = 0;
   double pivot_ = 1.0;
   double distance_ = 0.0, rate_ = 0.0, open_ = 0.0;  // relative to the size of the loops
+  double drift_ = 0.0;
 };
 
 }  // namespace cardan

@@ -136,7 +136,7 @@ bool Simulation::close_loops(double t, double* q, double* v) {
   if (!closed) breakdown_ = loops_->breakdown();
   if (closed && loops_->pivot() < kNearSingular)
     tell_near_singular(fmt::format("has a scaled pivot of {:.2g}, below {:g}", loops_->pivot(), kNearSingular));
-  drifted_ = drifted_ || loops_->distance() > kDrift * options_.integrator.relative_tolerance;
+  drifted_ = drifted_ || loops_->drift() > kDrift * options_.integrator.relative_tolerance;
   return closed;
 }
 

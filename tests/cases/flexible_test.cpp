@@ -185,6 +185,13 @@ class Blade {
     return system({blade});
   }
 
+  /// Clamped at its foot, its weight along it.
+  SystemSpec standing(double gravity) const {
+    BodySpec column = on(flexible("column", modal_), "", "locked");
+    column.level = 2;
+    return system({column}, uniform_gravity(-gravity * X));
+  }
+
   /// Flap frequencies at this rate of spin, root at this distance from the axis: eta'' = -A eta by central differences;
   /// the error of the differences is 1e-9 (the motion is odd in eta, third order).
   VectorXd flap(double spin, double root) const {
@@ -492,6 +499,22 @@ TEST(StodolaGreenRotor, WhirlsForwardAndBackward) {
     expect_relative(fmt::format("at rest, {}", i + 1), rest[i], at_rest[static_cast<Eigen::Index>(i / 2)], ref.tolerance("rel"));
     expect_relative(fmt::format("at 100 rad/s, {}", i + 1), fast[i], spinning[static_cast<Eigen::Index>(i)], ref.tolerance("rel"));
   }
+}
+
+// Upright a column is at rest under any weight; its lowest pole is real and positive where it falls over. Eight shapes.
+TEST(Column, BucklesUnderItsOwnWeight) {
+  const Published ref("flex-column-own-weight");
+  const Blade blade(8);
+  const auto falls = [&](double gravity) {
+    const auto model = compiled(blade.standing(gravity));
+    const State s = model->initial_state();
+    for (const operators::Pole& p : operators::poles(operators::linearize(*model, {.q = s.q.data(), .v = s.v.data()}).A))
+      if (p.value.real() > 1e-4) return true;
+    return false;
+  };
+  double low = 7.0, high = 9.0;
+  for (int i = 0; i < 30; ++i) (falls(0.5 * (low + high)) ? high : low) = 0.5 * (low + high);
+  expect_relative("weight L^2 / EI", low, ref.number("weight L^2 / EI"), ref.tolerance("rel"));
 }
 
 }  // namespace
