@@ -18,6 +18,7 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
 double power(const Force<double>& f, const Vec& w, const Vec& u) { return dot(f.n, w) + dot(f.f, u); }
 constexpr double kContradiction = 1e-6;  // what may be missing in c'' of a row that is left out, relative to that of all
+constexpr double kRounding = 1e-12;      // of accelerations that cancel
 
 }  // namespace
 
@@ -325,6 +326,13 @@ bool AbsoluteSystem::solve(std::span<const std::uint8_t> kept, double* Udot, dou
   return all_finite(x.data(), n);
 }
 
+std::vector<double> AbsoluteSystem::accelerations_alone() const {
+  std::vector<double> out(at(a_.closed->nv), 0.0);
+  for (std::size_t i = 0; i < out.size(); ++i)
+    if (const double m = inertia(static_cast<int>(i)); m > 0.0) out[i] = forces_[i] / m;
+  return out;
+}
+
 double AbsoluteSystem::acceleration(int row, const double* Udot) const { return bias_[at(row)] + G_.times(row, Udot); }
 double AbsoluteSystem::size_of_acceleration(int row, const double* Udot) const {
   double sum = std::abs(bias_[at(row)]);
@@ -407,13 +415,15 @@ bool keeps_rows_left_out(const Model& model, Workspace& ws, const LoopPass& pass
   const auto row_of = [&](const Loop& loop, int row) {
     return a.system.first_row(static_cast<int>(&loop - model.loops.all.data())) + row - loop.first;
   };
-  double size = 0.0, open = 0.0;
+  double size = 0.0, alone = 0.0, open = 0.0;
+  const std::vector<double> pushed = a.system.accelerations_alone();
   for (const Loop& loop : model.loops.all)
     for (int i = loop.first; i < loop.first + loop.rows; ++i) {
       size = std::max(size, k.scale[at(i)] * a.system.size_of_acceleration(row_of(loop, i), a.Udot.data()));
+      alone = std::max(alone, k.scale[at(i)] * a.system.size_of_acceleration(row_of(loop, i), pushed.data()));
       if (loop.turns()) open = std::max(open, k.scale[at(i)] * std::abs(k.c[at(i)]) / loop.lever);
     }
-  const double limit = (kContradiction + 1e3 * open) * size;
+  const double limit = (kContradiction + 1e3 * open) * size + kRounding * alone;
   for (std::size_t i = at(k.rank); i < k.row_at.size(); ++i) {
     const int row = k.row_at[i];
     const Loop& loop = pass.loop_of(row);

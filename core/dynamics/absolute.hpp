@@ -67,6 +67,8 @@ class AbsoluteSystem {
   void forces(const Inputs& in, const double* Udot, const double* lambda, double* out);
   /// U' and multipliers of the rows that are kept; of the others zero. False: the system is singular.
   bool accelerate(const Inputs& in, std::span<const std::uint8_t> kept, double* Udot, double* lambda);
+  /// U' that the forces of accelerate() would give each velocity of the bodies by itself: the size of what may cancel.
+  std::vector<double> accelerations_alone() const;
   /// c'' of a row at U', and the sum of the magnitudes of which it is made.
   double acceleration(int row, const double* Udot) const;
   double size_of_acceleration(int row, const double* Udot) const;

@@ -16,18 +16,22 @@ namespace {
 
 constexpr double kStart = 1e-6;  // residual of a start: typed numbers have a finite number of digits
 
-/// [m] largest distance of an end from a hinge on the way to it.
+constexpr double kNoLever = 1e-12;  // of the way from home: what rounding leaves of a distance that is none
+
+/// [m] largest distance of an end from a hinge on the way to it; where it stands on all of them, that from its home.
 double lever_of(const Model& model, const Workspace& ws, const Loop& loop, std::size_t l, const double* q) {
-  double longest = 0.0;
+  double longest = 0.0, way = 0.0;
   for (const auto& [path, end] : {std::pair(&loop.from_path, &ws.loops->from[l]), std::pair(&loop.to_path, &ws.loops->to[l])}) {
     Pose<double> X;
     for (const int k : *path) {
       X = X * soa::pose_in_inboard(model, ws, k, q);
       const Vec3<double> arm = end->x - X.p;
       longest = std::max(longest, std::sqrt(dot(arm, arm)));
+      way = std::max(way, std::sqrt(dot(X.p, X.p)));
     }
   }
-  return longest > 0.0 ? longest : 1.0;
+  if (longest > kNoLever * way) return longest;
+  return way > 0.0 ? way : 1.0;
 }
 
 const char* unit_of_row(const Loop& loop, const Force<double>& W) {

@@ -82,7 +82,7 @@ bool is_axisymmetric(const SweepBody& b) {
   const Eigen::Matrix3d J = to_eigen(b.M.J);
   const Eigen::Vector3d h = to_eigen(b.M.h);
   const double small = 4e-16 * J.trace(), small_h = 4e-16 * std::sqrt(b.M.m * J.trace());
-  return J(i, i) > 0 && std::abs(J(j, j) - J(k, k)) <= small && std::abs(J(i, j)) <= small && std::abs(J(i, k)) <= small &&
+  return J(i, i) > small && std::abs(J(j, j) - J(k, k)) <= small && std::abs(J(i, j)) <= small && std::abs(J(i, k)) <= small &&
          std::abs(J(j, k)) <= small && std::abs(h[j]) <= small_h && std::abs(h[k]) <= small_h;
 }
 

@@ -158,8 +158,11 @@ ClosedForces closed_inverse_dynamics(const std::shared_ptr<const Model>& closed,
   Workspace ws(m);
   VectorXd idle(m.nv), tau = in.tau ? VectorXd(Eigen::Map<const VectorXd>(in.tau, m.nv)) : VectorXd(VectorXd::Zero(m.nv));
   hinge_laws::add_forces(m, in.q, in.v, tau.data());
+  VectorXd given = VectorXd::Zero(m.nv);
+  for (int v = 0; v < m.nv; ++v)
+    if (in.vdot && is_given(m, v)) given[v] = in.vdot[v];
   Inputs loaded = in;
-  loaded.tau = tau.data();
+  loaded.tau = tau.data(), loaded.vdot = given.data();
   if (!forward_dynamics(m, ws, loaded, idle.data())) throw NumericsError(describe_breakdown(m, ws.breakdown, 0.0));
   const LoopFreedom freedom = freedom_at(m, in.q, in.drives);
   TreeOperators tree(open_tree(closed));

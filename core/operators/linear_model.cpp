@@ -744,20 +744,14 @@ struct ClosedPoint {
 
  private:
   static LoopTangents loops_at(const Model& m, const OperatingPoint& at) {
-    VectorXd tau = VectorXd::Zero(m.nv);
-    for (int v = 0; at.tau && v < m.nv; ++v)
-      if (!(m.has_prescribed() && m.prescribed[v])) tau[v] = at.tau[v];
+    VectorXd tau = VectorXd::Zero(m.nv), given = VectorXd::Zero(m.nv);
+    for (int v = 0; v < m.nv; ++v)
+      if (const double* from = m.has_given_motion(v) ? at.vdot : at.tau) (m.has_given_motion(v) ? given : tau)[v] = from[v];
     hinge_laws::add_forces(m, at.q, at.v, tau.data());
-    const VectorXd still = VectorXd::Zero(m.nv);
-    return {m,
-            {.q = at.q,
-             .v = at.v,
-             .tau = tau.data(),
-             .vdot = at.vdot ? at.vdot : still.data(),
-             .wrenches = at.wrenches,
-             .moment = at.moment,
-             .drives = at.drives},
-            at.t};
+    return {
+        m,
+        {.q = at.q, .v = at.v, .tau = tau.data(), .vdot = given.data(), .wrenches = at.wrenches, .moment = at.moment, .drives = at.drives},
+        at.t};
   }
 };
 

@@ -34,6 +34,26 @@ VectorXd free_part(const TreeOperators& tree, VectorXd x) {
   return x;
 }
 
+constexpr double kNoMotion = 1e-14;  // of a mobility: what rounding leaves where motions cancel
+
+/// Of each row of a task: sum of |T B*| times `reach`, how far the numbers of the body space move. What is far below cancels.
+VectorXd sizes(const TreeOperators& tree, const Task& task, const VectorXd& reach) {
+  VectorXd of_nodes(6 * static_cast<Eigen::Index>(task.nodes.size()));
+  for (std::size_t j = 0; j < task.nodes.size(); ++j) {
+    const OperatorBody& b = tree.bodies()[body_of(tree, task.nodes[j])];
+    of_nodes.segment<6>(6 * static_cast<Eigen::Index>(j)) = tree.Bt(task.nodes[j]).cwiseAbs() * reach.segment(b.at, 6 + b.m);
+  }
+  return task.T.size() > 0 ? VectorXd(task.T.cwiseAbs() * of_nodes) : of_nodes;
+}
+
+/// Roots of the mobilities of bodies, body space.
+VectorXd reach_of_bodies(const TreeOperators& tree) {
+  VectorXd reach(tree.size(Space::body));
+  for (int i = 0; i < static_cast<int>(tree.bodies().size()); ++i)
+    reach.segment(tree.bodies()[i].at, 6 + tree.bodies()[i].m) = tree.Y(i).diagonal().cwiseMax(0.0).cwiseSqrt();
+  return reach;
+}
+
 MatrixXd task_compliance(const TreeOperators& tree, const Task& task) {
   const MatrixXd C = compliance(tree, task.nodes);
   return task.T.size() > 0 ? MatrixXd(task.T * C * task.T.transpose()) : C;
@@ -168,24 +188,28 @@ OperationalSpace::OperationalSpace(const TreeOperators& tree, Task task, const T
       refuse(Code::operator_shape, {"operational space"}, "a second tree of the same bodies at the same q", "another");
     compliance_ -= task_compliance(*passive, task_);
   }
-  invert(tolerance);
+  invert(tolerance, kNoMotion * sizes(tree, task_, reach_of_bodies(tree)).cwiseAbs2());
 }
 
 OperationalSpace::OperationalSpace(const ClosedSystem& closed, Task task, double tolerance)
     : tree_(&closed.tree()), closed_(&closed), task_(std::move(task)) {
   require_task(*tree_, task_);
   MatrixXd JY(task_.rows(), closed.mobility());
-  for (int j = 0; j < closed.mobility(); ++j) JY.col(j) = task_rates(*tree_, task_, closed.motions().col(j));
+  VectorXd reach = VectorXd::Zero(tree_->size(Space::body));
+  for (int j = 0; j < closed.mobility(); ++j) {
+    JY.col(j) = task_rates(*tree_, task_, closed.motions().col(j));
+    reach += body_velocities(*tree_, closed.motions().col(j)).cwiseAbs();
+  }
   compliance_ = JY * JY.transpose();
-  invert(tolerance);
+  const VectorXd by_hinges = (task_jacobian(*tree_, task_).cwiseAbs() * closed.motions().cwiseAbs()).rowwise().sum();
+  invert(tolerance, (kNoMotion * (sizes(*tree_, task_, reach) + by_hinges)).cwiseAbs2());
 }
 
-void OperationalSpace::invert(double tolerance) {
+// `rounding`: what it leaves in the diagonal of rows that cannot move.
+void OperationalSpace::invert(double tolerance, const VectorXd& rounding) {
   const int r = rows();
   VectorXd unit(r);  // 1 / scale; rows that cannot move stay as they are
-  const double largest = r > 0 ? compliance_.diagonal().maxCoeff() : 0.0;
-  for (int i = 0; i < r; ++i)
-    unit[i] = compliance_(i, i) > 0.0 && compliance_(i, i) > 1e-30 * largest ? 1.0 / std::sqrt(compliance_(i, i)) : 0.0;
+  for (int i = 0; i < r; ++i) unit[i] = compliance_(i, i) > rounding[i] ? 1.0 / std::sqrt(compliance_(i, i)) : 0.0;
   const DensePairs eigen = symmetric_pairs(unit.asDiagonal() * compliance_ * unit.asDiagonal());
   VectorXd weights = VectorXd::Zero(r);
   const double limit = r > 0 ? tolerance * std::max(eigen.values[r - 1], 0.0) : 0.0;
@@ -247,8 +271,8 @@ VectorXd OperationalSpace::null_forces(const VectorXd& tau) const { return actua
 
 double effective_inertia(const TreeOperators& tree, int node, const Eigen::Matrix<double, 6, 1>& u) {
   const MatrixXd C = compliance(tree, std::span(&node, 1));
-  const double mobility = u.dot(C * u), most = u.cwiseAbs().dot(C.diagonal().cwiseMax(0.0).cwiseSqrt());
-  return mobility > 1e-14 * most * most ? 1.0 / mobility : std::numeric_limits<double>::infinity();
+  const double mobility = u.dot(C * u), most = u.cwiseAbs().dot(sizes(tree, {{node}, {}}, reach_of_bodies(tree)));
+  return mobility > kNoMotion * most * most ? 1.0 / mobility : std::numeric_limits<double>::infinity();
 }
 
 Manipulability manipulability(const TreeOperators& tree, const Task& task) {

@@ -77,7 +77,7 @@ class OperationalSpace {
  private:
   Eigen::VectorXd actuated(Eigen::VectorXd x) const;          // zero on passive components
   Eigen::VectorXd respond(const Eigen::VectorXd& tau) const;  // M^-1 tau, M_g^-1 tau, M_c^-1 tau
-  void invert(double tolerance);
+  void invert(double tolerance, const Eigen::VectorXd& rounding);
   const TreeOperators* tree_;
   const TreeOperators* passive_ = nullptr;
   const ClosedSystem* closed_ = nullptr;

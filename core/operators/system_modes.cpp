@@ -424,6 +424,20 @@ SystemModes modes_of(const TreeOperators& tree, const SystemModesOptions& option
   return out;
 }
 
+/// [1/s^2] The largest stiffness of a component over its own inertia: beside it, what loops leave of it is rounding.
+double stiffest(const TreeOperators& tree, const Joint& J, const Mass& mass) {
+  const int n = tree.size(Space::hinge);
+  VectorXd unit = VectorXd::Zero(n), column(n);
+  double largest = 0.0;
+  for (const int i : J.stiff) {
+    unit[i] = 1.0;
+    mass(unit, column);
+    largest = std::max(largest, J.times(tree, J.K, J.K_modes, unit)[i] / column[i]);
+    unit[i] = 0.0;
+  }
+  return largest;
+}
+
 /// Along the motions that closed loops leave free.
 Vibrations along(const MatrixXd& X, const TreeOperators& tree, const Joint& J, const std::vector<DeviceStiffness>& devices, bool stiff,
                  const Mass& mass, const SystemModesOptions& options) {
@@ -452,7 +466,7 @@ Vibrations along(const MatrixXd& X, const TreeOperators& tree, const Joint& J, c
     const RightSingular found = right_singular(root);  // descending, and no more than there are rows
     lambda.setZero(free), vectors = found.vectors.rowwise().reverse();
     lambda.tail(found.values.size()) = found.values.cwiseAbs2().reverse();
-    nothing = free > 0 ? kRigid * kRigid * lambda[free - 1] : 0.0;
+    nothing = free > 0 ? kRigid * kRigid * std::max(lambda[free - 1], stiffest(tree, J, mass)) : 0.0;
   }
   for (Eigen::Index j = 0; j < free && lambda[j] <= nothing; ++j) ++out.n_rigid;
   const Eigen::Index taken = std::min<Eigen::Index>(std::max(options.elastic, 0), free - out.n_rigid);

@@ -109,14 +109,14 @@ class Outputs {
     const bool prescribed = !model_.spec->bodies[at(index)].hinge.prescribed.empty();
     if (has_quaternion(*family) && !prescribed) return;
     add(path + "force", names, unit_of_channel(units), "",
-        prescribed ? "force of the actuators; of prescribed components, that which the motion needs"
+        prescribed ? "force of the actuators; of prescribed components, that which their drive gives; springs and dampers not included"
                    : "force of the actuators, springs and dampers not included",
         [&sim = sim_, id, family, prescribed, all = std::vector<double>()](double* x) mutable {
           const auto moving = [&](const UserBody& now) {
             for (int j = 0; j < now.nv; ++j) x[j] = sim.force(now.v + j);
             if (!prescribed || !sim.model().has_prescribed()) return;
             all.resize(at(sim.model().nv));
-            sim.observe().prescribed_forces(all.data());
+            sim.drive_forces(all.data());
             for (int j = now.v; j < now.v + now.nv; ++j)
               if (sim.model().prescribed[at(j)]) x[j - now.v] = all[at(j)];
           };

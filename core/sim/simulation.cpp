@@ -225,6 +225,14 @@ std::vector<double> Simulation::applied_forces() {
   return tau;
 }
 
+void Simulation::drive_forces(double* tau) {
+  observe().prescribed_forces(tau);
+  const std::span<const double> coupled = cardan::loop_forces(workspace_).tau;  // couplings push there too
+  const double* pushed = coupled.empty() ? tau_total_.data() : coupled.data();
+  for (int i = 0; i < model_->nv; ++i)
+    if (model_->has_given_motion(i)) tau[i] -= pushed[i];
+}
+
 void Simulation::pack(double* x) const {
   x = std::copy_n(state_.q.data(), model_->nq, x);
   x = std::copy_n(state_.v.data(), model_->nv, x);

@@ -147,6 +147,9 @@ class Simulation {
   double device_output(int i) { return observe(), devices_->output(i); }
   /// [N m, N] of all actuators: force(i) and what devices push with, nv numbers.
   std::vector<double> applied_forces();
+  /// Of the drives of components whose motion is given: what it needs beside springs, friction, devices and couplings there; nv numbers,
+  /// zero for the others.
+  void drive_forces(double* tau);
   /// What closed loops do at the present state.
   LoopForces loop_forces() { return observe(), cardan::loop_forces(workspace_); }
   /// Moment and force that a loop transmits to its end `to`, at that node, axes of the node `from`; index into Loops::all.

@@ -82,7 +82,7 @@ int hinge_applied(lua_State* L) {
     lua_pushnumber(L, s.sim->force(v));
     return 1;
   }
-  s.sim->observe().prescribed_forces(s.scratch.data());
+  s.sim->drive_forces(s.scratch.data());
   lua_pushnumber(L, s.scratch[static_cast<std::size_t>(v)]);
   return 1;
 }

@@ -146,7 +146,8 @@ OperatingState present_state(const Scenario& s) {
                      .seed = s.seed};
   const std::vector<double> tau = s.sim->applied_forces();
   std::copy(tau.begin(), tau.end(), out.tau.data());
-  if (s.model->has_prescribed()) out.vdot = s.sim->vdot();
+  for (int v = 0; v < nv; ++v)
+    if (s.model->has_given_motion(v)) out.vdot[v] = s.sim->vdot()[v];
   out.drives.assign(s.sim->drives().begin(), s.sim->drives().end());
   return out;
 }

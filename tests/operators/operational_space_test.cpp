@@ -6,6 +6,7 @@
 #include "core/operators/mass_matrix.hpp"
 #include "tests/operators/views.hpp"
 #include "tests/support/equations.hpp"
+#include "tests/support/modal_samples.hpp"
 
 namespace cardan::test {
 namespace {
@@ -335,6 +336,43 @@ TEST(OperationalSpace, TellsTheRankAndNeverDividesByZero) {
   EXPECT_NEAR(w.kinematic, std::sin(1.0), 1e-14);
   const Eigen::MatrixXd A = mass_matrix(ops);
   EXPECT_NEAR(w.dynamic, std::sin(1.0) / std::sqrt(A.determinant()), 1e-13);
+}
+
+// The node that the hinge of a flexible body holds cannot move along: what rounding leaves there is no mobility.
+TEST(OperationalSpace, ANodeThatAHingeHoldsHasNoMobilityAlong) {
+  BodySpec body;
+  body.name = "body", body.type = "modal_flexible";
+  body.modal = std::make_shared<const ModalData>(lumped());
+  body = on(std::move(body), "", "gimbal", {{1, 0.2, 0}, {0, 1, 0.3}, {0.1, 0, 1}}, {0.3, -0.2, 0.7});
+  body.hinge.body_node = "tip";
+  body.hinge.q = {0.3, -0.8, 0.5}, body.eta = {0.11, -0.07};
+  const auto model = compiled(system({body}));
+  TreeOperators ops(model);
+  ops.at(model->initial_state().q.data());
+  prepare(ops);
+  const int tip = model->find_node("body.tip");
+  EXPECT_EQ(OperationalSpace(ops, {{tip}, {}}).rank(), 3);
+  const int along[] = {3, 4, 5};
+  const OperationalSpace held(ops, Task::of_rows({tip}, along));
+  EXPECT_EQ(held.rank(), 0);
+  EXPECT_EQ(largest(held.inertia()), 0.0);
+  for (const int row : along) EXPECT_TRUE(std::isinf(effective_inertia(ops, tip, Vector6d::Unit(row))));
+}
+
+// A point mass on its own axis: what rounding leaves of its inertia turns nothing.
+TEST(SingularHinge, OfAPointOnItsAxisIsSaid) {
+  for (const Eigen::Vector3d& at : {Eigen::Vector3d(0.1, 0.2, 0.2), {0.03, 0.04, 0.12}, {0.01, 0.03, 0.07}, {0, 0, 0.2}}) {
+    const auto model = compiled(system({on(rigid("bus", 3.0, {0, 0, 0}, diagonal({1, 2, 2.5})), "", "free"),
+                                        on(particle("point", 1.3, at), "bus", "revolute", {at}, {0.3, 0.2, 0.1})}));
+    TreeOperators ops(model);
+    ops.at(model->initial_state().q.data());
+    try {
+      ops.articulate();
+      ADD_FAILURE() << at.transpose();
+    } catch (const NumericsError& e) {
+      EXPECT_EQ(e.failure().code, Code::singular_hinge);
+    }
+  }
 }
 
 TEST(OperationalSpace, FeltAtANodeAndParticipation) {

@@ -412,7 +412,8 @@ Hinge.rate = Hinge.v
 ---@param component? component default 1
 function Hinge:force(value, component) end
 Hinge.torque = Hinge.force
---- The force of the actuator; of a prescribed component, that which its motion needs.
+--- The force of the actuator; of a prescribed component that of its drive: what the motion needs beside springs, friction, devices and
+--- couplings of the hinge.
 ---@param component? component default 1
 ---@return number force [N m] or [N]
 function Hinge:applied(component) end

@@ -169,6 +169,52 @@ TEST(ClosedLinearModel, AgreesWithDifferencesOfTheTwin) {
     }
 }
 
+// A chain, one component of whose last hinge is driven, held by a strut. Of v' only that of the given motion is read, in each form.
+TEST(ClosedLinearModel, ReadsTheAccelerationsOfGivenMotionsAlone) {
+  const Eigen::Vector3d com(0.3, 0.1, -0.2), tip(0.7, -0.1, 0.2);
+  const auto link = [&](const char* name, const char* inboard, const Eigen::Vector3d& axis, double angle) {
+    BodySpec b = on(rigid(name, 1.1, com, diagonal({0.2, 0.3, 0.4})), inboard, "revolute", {axis}, tip);
+    b.hinge.q = {angle}, b.hinge.v = {0.4 - angle};
+    return b;
+  };
+  SystemSpec spec = system({link("first", "", {0, 0, 1}, 0.3), link("second", "first", {0, 1, 0}, -0.4),
+                            link("third", "second", {0, 1, 1}, 0.7), link("driven", "third", {1, 0, 2}, -0.5)},
+                           uniform_gravity({0.3, -0.5, -9.81}));
+  spec.bodies[3].hinge.type = "universal", spec.bodies[3].hinge.params = along({{1, 0, 2}, {0, 1, 0.3}});
+  spec.bodies[3].hinge.q = {-0.5, 0.2}, spec.bodies[3].hinge.v = {0.9, 0.3};
+  spec.bodies[3].hinge.prescribed = {0};
+  LoopSpec strut;
+  strut.name = "strut", strut.type = "distance", strut.from.position = {0.4, 0.9, -0.6}, strut.to.body = "driven", strut.to.position = com;
+  strut.length = 2.7;
+  spec.bodies[2].hinge.q.clear(), spec.bodies[2].hinge.v.clear();  // these follow
+  spec.loops = {strut};
+  const Eigen::Vector<double, 5> tau(0.4, -0.3, 0.2, 0.0, -0.5);
+  std::optional<LinearModel> first;
+  for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding}) {
+    spec.loop_form = form;
+    const auto model = compiled(spec);
+    const State s = model->initial_state();
+    Simulation sim(model, {});
+    sim.prescribe(3, MotionProfile::rate_table({{0.0, s.v[3]}, {1.0, s.v[3] + 0.7}}));
+    for (const int v : {0, 1, 2, 4}) sim.set_force(v, tau[v]);
+    const VectorXd vdot = sim.vdot();
+    EXPECT_NEAR(vdot[3], 0.7, 1e-15);
+    const LinearModel linear =
+        linearize(*model, {.q = s.q.data(), .v = s.v.data(), .tau = tau.data(), .vdot = vdot.data()}, {{}, {"third"}});
+    Workspace ws(*model);
+    const VectorXd independent = vdot(loop_freedom(*model, ws, s.q.data()).independent);
+    EXPECT_LE(distance(VectorXd(linear.drift.tail(4)), independent), 1e-12 * largest(vdot));
+    const std::vector<std::uint8_t> all(5, 1);
+    const Inputs in{.q = s.q.data(), .v = s.v.data(), .tau = tau.data(), .vdot = vdot.data()};
+    const operators::ClosedForces none = operators::closed_inverse_dynamics(model, in, vdot, all);
+    EXPECT_LE(largest(none.tau), 1e-12 * largest(vdot));  // it moves so by itself
+    if (first) {
+      EXPECT_LE(largest(MatrixXd(linear.A - first->A)), 1e-11 * largest(first->A));
+    }
+    first = linear;
+  }
+}
+
 /// Two cranks on the ground, and what joins their tips, which stays level.
 SystemSpec parallelogram(double stiffness) {
   const auto crank = [&](const char* name, double x) {
@@ -393,6 +439,34 @@ TEST(ClosedOperationalSpace, OfAParallelogramIsAMassOnACircle) {
   const VectorXd v = task.consistent_inverse(along);
   EXPECT_LE(distance(task.rates(v), along), 1e-12);
   EXPECT_LE(distance(v, Eigen::Vector3d(2.0, 2.0, -2.0)), 1e-12);
+}
+
+// Two hinges about one axis, a sprung universal joint between them, and the last body welded to the ground: the first two turn against each
+// other, and what rounding leaves of the others is neither a vibration nor a way to move.
+TEST(ClosedSystem, WhatLoopsHoldIsNeitherStrainedNorMoved) {
+  const Eigen::Vector3d axis(1, 2, 3), place(0.3, -0.2, 0.7), com(0.1, 0.2, -0.3);
+  BodySpec joint = on(rigid("joint", 1.7, com, diagonal({1, 1.2, 1.4})), "first", "universal", {{3, 0.1, -1}, {0.2, 2, -1}});
+  SpringDamper spring;
+  spring.stiffness = 40.0, spring.damping = 0.3;
+  joint.hinge.springs = {spring, spring};
+  joint.hinge.springs[1].component = 1;
+  SystemSpec spec = system({on(rigid("first", 1.3, com, diagonal({1, 1.3, 1.5})), "", "revolute", {axis}, place), joint,
+                            on(rigid("last", 2.1, com, diagonal({1, 1.1, 1.6})), "joint", "revolute", {axis})});
+  LoopSpec weld;
+  weld.name = "weld", weld.type = "weld", weld.from.position = place, weld.to.body = "last";
+  spec.loops = {weld};
+  const auto model = compiled(spec);
+  const State s = model->initial_state();
+  Workspace ws(*model);
+  operators::TreeOperators tree(open_tree(model));
+  tree.at(s.q.data());
+  const auto modes = operators::closed_system_modes(tree, loop_freedom(*model, ws, s.q.data()).X);
+  EXPECT_EQ(modes.n_rigid, 1);
+  EXPECT_EQ(modes.frequency.size(), 1);
+  const operators::ClosedSystem closed(model, s.q.data());
+  EXPECT_EQ(closed.mobility(), 1);
+  EXPECT_EQ(operators::OperationalSpace(closed, {{model->find_node("last")}, {}}).rank(), 0);
+  EXPECT_EQ(operators::OperationalSpace(closed, {{model->find_node("first")}, {}}).rank(), 1);
 }
 
 TEST(ClosedInverseDynamics, OfAParallelogramHoldsItsWeightAndItsSpring) {

@@ -183,6 +183,45 @@ TEST(Assembler, TellsTheNearestWhereLinksAreTooShort) {
   EXPECT_NE(text.find("begin elsewhere, or hold less"), std::string::npos) << text;
 }
 
+// A closure that stands on the hinges of its way, but for the last digit: no distance there is a measure of what is open.
+TEST(Assembler, TakesALoopWithoutLeversAsClosed) {
+  BodySpec a = on(rigid("a", 3.0, {0.3, 0.1, 0.05}, diagonal({1, 2, 2.5})), "", "ball", {}, {0.3, 0.2, 0.1});
+  a.hinge.q = {std::cos(0.4), 0, std::sin(0.4), 0};
+  BodySpec b = on(rigid("b", 2.0, {0.3, 0.1, 0.05}, diagonal({1, 2, 2.5})), "a", "universal", {{1, 2, 3}, {2, 0, 1}}, {0.3, 0.2, 0.1});
+  b.hinge.pnode_position = {0.3, -0.1, 0.3};
+  b.hinge.q = {0.3, -0.7};
+  SystemSpec spec = system({a, b}, uniform_gravity({0.3, -0.4, -9.81}));
+  Simulation tree(compiled(spec), {});
+  LoopSpec again;
+  again.name = "again", again.type = "ball";
+  again.from.body = "a", again.from.position = {0.3, 0.2, 0.1};
+  again.to.body = "b", again.to.position = {0.1 + 0.2, -0.1, 0.3};
+  spec.loops = {again};
+  for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding, LoopForm::dae}) {
+    spec.loop_form = form;
+    Simulation closed(compiled(spec), {});
+    EXPECT_LE(distance(closed.vdot(), tree.vdot()), 1e-12);
+  }
+}
+
+// What loops hold still has no accelerations by which rows that others imply could be measured, in absolute coordinates either.
+TEST(Assembler, WhatLoopsHoldStillStandsInEachForm) {
+  BodySpec a = on(rigid("a", 3.0, {0.3, 0.1, 0.05}, diagonal({1, 2, 2.5})), "", "ball", {}, {0.3, 0.2, 0.1});
+  const BodySpec b = on(rigid("b", 2.0, {0.3, 0.1, 0.05}, diagonal({1, 2, 2.5})), "a", "revolute", {{1, 2, 3}}, {0.3, 0.2, 0.1});
+  SystemSpec spec = system({a, b}, uniform_gravity({0.3, -0.4, -9.81}));
+  LoopSpec to_world, to_a;
+  to_world.name = "to_world", to_world.type = "weld";
+  to_world.from.position = {0.3, 0.2, 0.1}, to_world.to.body = "a";
+  to_a.name = "to_a", to_a.type = "weld";
+  to_a.from.body = "a", to_a.to.body = "b", to_a.to.position = {-0.3, -0.2, -0.1};
+  spec.loops = {to_world, to_a};
+  for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding, LoopForm::dae}) {
+    spec.loop_form = form;
+    Simulation still(compiled(spec), {});
+    EXPECT_LE(largest(still.vdot()), 1e-12);
+  }
+}
+
 TEST(Assembler, RefusesNamesAndWeightsThatThereAreNot) {
   SystemSpec spec = four_bar();
   spec.assembly.hold = {"crnk"};

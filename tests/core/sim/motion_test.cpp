@@ -349,6 +349,32 @@ TEST(Corners, AccelerationIsThatOfTheStretch) {
   EXPECT_NEAR(p.travel(1.5, 2.5), 0.5 * (1.5 + 3.0) * 0.5 + 1.5, 1e-15);
 }
 
+// A drive that holds an arm against its spring gives what the spring pulls; one on a coupling as well, what the coupled wheel needs.
+TEST(Prescribed, ADriveGivesWhatTheMotionNeedsBesideSpringsAndCouplings) {
+  BodySpec arm = on(rigid("arm", 2.0, {1, 0, 0}, diagonal({0.1, 0.1, 0.1})), "", "revolute", {{0, 0, 1}});
+  arm.hinge.prescribed = {0};
+  SpringDamper spring;
+  spring.stiffness = 50.0, spring.damping = 3.0, spring.rest = 1.0;
+  arm.hinge.springs = {spring};
+  const BodySpec wheel = on(rigid("wheel", 1.0, {0, 0, 0}, diagonal({0.3, 0.3, 0.5})), "", "revolute", {{0, 0, 1}});
+  LoopSpec gear;
+  gear.name = "gear", gear.type = "coupling", gear.terms = {{"arm", 2.0, {}}, {"wheel", -1.0, {}}};
+  for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding, LoopForm::dae})
+    for (const bool coupled : {false, true}) {
+      SystemSpec spec = system({arm, wheel});
+      spec.loop_form = form;
+      if (coupled) spec.loops = {gear};
+      Simulation sim(compiled(spec), by(coupled && form == LoopForm::dae ? "ida" : "dopri5"));
+      sim.prescribe(0, MotionProfile::rate_table({{0.0, 0.0}, {1.0, 0.8}}));
+      sim.run(0.5);
+      const double acceleration = 0.8, inertia = 0.1 + 2.0 + (coupled ? 4.0 * 0.5 : 0.0);
+      double drive[2];
+      sim.drive_forces(drive);
+      EXPECT_NEAR(drive[0], inertia * acceleration + 50.0 * (sim.state().q[0] - 1.0) + 3.0 * 0.4, 1e-8);
+      EXPECT_EQ(drive[1], 0.0);
+    }
+}
+
 TEST(Prescribed, AComponentThatIsFreeIsRefused) {
   Scene scene(by("dopri5"));
   try {
