@@ -100,10 +100,37 @@ void add_idle_devices(const Model& m, Warnings& found) {
 
 }  // namespace
 
-Warnings doubts_at_start(const Model& model, const double* q) {
+// The nearest rates that close a loop at a body that moves fast and another that was given none make that one turn about its lever.
+Warnings fast_found_rates(const Model& m, const std::vector<MovedAtStart>& moved, const double* v) {
+  constexpr double kFast = 100.0;  // [rad/s], and times the fastest that was given
+  double given = 0.0, fastest = 0.0;
+  const MovedAtStart* which = nullptr;
+  const UserBody* body = nullptr;
+  for (const UserBody& u : m.user)
+    for (int i = 0; i < u.nv; ++i) {
+      const auto at = static_cast<std::size_t>(i);
+      if (u.v_units[at] != "rad/s") continue;
+      const auto x = std::ranges::find(moved, u.name + "." + u.v_names[at], &MovedAtStart::name);
+      const double rate = v[u.v + i];
+      const bool found = x != moved.end() && std::abs(rate - x->found) <= 1e-9 * std::abs(rate);
+      given = std::max(given, std::abs(found ? x->given : rate));
+      if (found && std::abs(rate) > fastest) fastest = std::abs(rate), which = &*x, body = &u;
+    }
+  Warnings told;
+  if (fastest > kFast && fastest > kFast * given)
+    told.add(Code::unusual_value, m.spec->locate("bodies." + body->name + ".hinge"),
+             fmt::format("{} begins with {:.4g} rad/s: of the rates that keep the loops closed these are the nearest to the given ones, "
+                         "none of which is above {:.3g} rad/s",
+                         which->name, which->found, given),
+             fmt::format("give `initial` of {} the velocity with which it is to begin", body->name));
+  return told;
+}
+
+Warnings doubts_at_start(const Model& model, const double* q, const double* v) {
   Warnings found;
   add_passed_stops(model, q, found);
   add_idle_devices(model, found);
+  found.add(fast_found_rates(model, model.loops.moved, v));
   return found;
 }
 

@@ -10,7 +10,10 @@ Warnings doubts(const SystemSpec& spec);
 /// Springs and loads of hinges that are locked, which do nothing as long as that is so; but of these bodies.
 Warnings held_back(const SystemSpec& spec, const std::vector<std::string>& but = {});
 
-/// About a vehicle that begins at q: hinges beyond their stops, devices that push one body against itself.
-Warnings doubts_at_start(const Model& model, const double* q);
+/// About a vehicle that begins at (q, v): hinges beyond their stops, devices that push one body against itself, rates that closed loops
+/// were given by the assembler and that nobody can have meant.
+Warnings doubts_at_start(const Model& model, const double* q, const double* v);
+/// The last of these alone, of what the assembler has moved.
+Warnings fast_found_rates(const Model& model, const std::vector<MovedAtStart>& moved, const double* v);
 
 }  // namespace cardan

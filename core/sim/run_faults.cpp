@@ -133,7 +133,7 @@ void Simulation::expect_progress() {
 }
 
 void Simulation::say_doubts() {
-  const Warnings doubts = doubts_at_start(*model_, state_.q.data());
+  const Warnings doubts = doubts_at_start(*model_, state_.q.data(), state_.v.data());
   for (const Warning& w : doubts.all()) warn(w.what.code, w.what.at, w.what.about, w.what.hint);
 }
 

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "core/model/doubts.hpp"
 #include "core/model/initial.hpp"
 #include "scripts/bindings/bind.hpp"
 #include "scripts/lua/function.hpp"
@@ -63,6 +64,7 @@ void close_start(lua_State* L, Scenario& s, const std::vector<InitialGiven>& giv
     const State start = closed->initial_state();
     state.q = start.q, state.v = start.v;
     s.beginning = std::move(spec), s.moved_by_beginning = closed->loops.moved;
+    s.warnings.add(fast_found_rates(*s.model, s.moved_by_beginning, state.v.data()));
   } catch (const InputError& e) {
     std::vector<Diagnostic> all = e.diagnostics();
     for (Diagnostic& d : all) d.stack = LuaHost::traceback(L);

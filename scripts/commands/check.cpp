@@ -29,7 +29,7 @@ void add_check(CommandLine& line) {
     try_start(*s);
     s->warnings.add(expected_stiffness(s->model, s->sim->state().q.data(), s->mission.simulation.integrator, shortest_interval(*s),
                                        s->mission.duration));
-    s->warnings.add(doubts_at_start(*s->model, s->sim->state().q.data()));
+    s->warnings.add(doubts_at_start(*s->model, s->sim->state().q.data(), s->sim->state().v.data()));
     quiet = true;  // what functions of the run say is said in a run
     const std::vector<std::string> elsewhere = kept_elsewhere_at_start(*s);
     fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s{}\n", bodies(s->model->user.size()), s->model->nq,

@@ -247,6 +247,29 @@ TEST_F(Physics, ControllersThatNeverGetThroughAreRefused) {
   EXPECT_EQ(codes(), "W0501 ");
 }
 
+TEST_F(Physics, RatesThatClosedLoopsGiveABodyInOrbitAreToldWhereNobodyCanMeanThem) {
+  const auto docked = [&](const std::string& of_b, const std::string& mission) {
+    write(
+        "cardan: 1\ngravity: {central: {mu: 398600.4418 km^3/s^2}}\nbodies:\n  a: {mass: 300, inertia: [100, 120, 90], nodes: {port: "
+        "{position: [1, 0, 0]}}, hinge: {type: free, to: world, initial: {position: [6878 km, 0, 0], velocity: [0, 7612.6, 0], "
+        "angular_velocity: [0.01, 0.02, 0.03]}}}\n  b: {mass: 200, inertia: [40, 50, 60], nodes: {port: {position: [-1, 0, 0]}}, hinge: "
+        "{type: "
+        "free, to: world, initial: {position: [6878002, 0, 0]" +
+            of_b + "}}}\nloops: {dock: {type: ball, from: a.port, to: b.port}}\n",
+        "vehicle \"v.yaml\"\nmission { duration = 1 }\n" + mission);
+  };
+  docked("", "");
+  const Finished f = check();
+  EXPECT_EQ(f.exit_code, 0);
+  EXPECT_TRUE(has(f.err, "W0302") && has(f.err, "at: bodies.b.hinge") && has(f.err, "b.wz begins with")) << f.err;
+  docked(", velocity: [0, 7612.6, 0]", "");
+  EXPECT_EQ(codes(), "");
+  docked("", "initial { b = { velocity = { 0, 7612.6, 0 } } }\n");
+  EXPECT_EQ(codes(), "") << "of another start than that of the mission";
+  docked(", velocity: [0, 7612.6, 0]", "initial { b = { velocity = { 0, 0, 0 }, angular_velocity = { 0, 0, 0 } } }\n");
+  EXPECT_EQ(codes(), "W0302 ");
+}
+
 TEST_F(Physics, DevicesThatNeverGetThroughOrNeverBegin) {
   const auto sampled = [&](const std::string& when) {
     write("cardan: 1\nbodies:\n  p: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}\ndevices:\n  gyro: {type: imu, at: p, " +
