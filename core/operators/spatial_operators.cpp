@@ -106,7 +106,7 @@ void SpatialOperators::factor(Eigen::MatrixXd& D, Eigen::VectorXd made_of, int v
   S.setZero(n, n);
   for (int j = 0; j < n; ++j) {
     const double pivot = factored(j, j) - S.row(j).head(j).squaredNorm();
-    if (const double limit = soa::kPivotLimit * made_of[j]; !(pivot > limit)) {
+    if (const double limit = soa::pivot_limit(j) * made_of[j]; !(pivot > limit)) {
       soa::Breakdown at = where(j);
       at.value = pivot, at.limit = limit;
       throw NumericsError(describe_breakdown(*model_, at, 0.0));

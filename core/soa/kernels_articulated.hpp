@@ -69,10 +69,10 @@ static bool factor_hinge(const ArticulatedInertia<T>& P, Hinge<T, NV>& hinge, co
     T pivot = D[j * (j + 1) / 2 + j];
     for (int l = 0; l < j; ++l) pivot = pivot - Lj[l] * Lj[l];
     const bool is_fixed = fixed && fixed[j];
-    if (!is_fixed && !(pivot > T(kPivotLimit) * scale[j])) {
+    if (!is_fixed && !(pivot > T(pivot_limit(j)) * scale[j])) {
       bad.component = j;
       bad.value = static_cast<double>(pivot);
-      bad.limit = kPivotLimit * static_cast<double>(scale[j]);
+      bad.limit = pivot_limit(j) * static_cast<double>(scale[j]);
       return false;
     }
     Lj[j] = sqrt(pivot);

@@ -75,7 +75,7 @@ static bool factor_free(const ArticulatedInertia<T>& P, T* L, Breakdown& breakdo
       Li[j] = sum * Lj[j];
       pivot = pivot - Li[j] * sum;
     }
-    const T limit = T(kPivotLimit) * (i < 3 ? angular : linear);
+    const T limit = T(pivot_limit(i)) * (i < 3 ? angular : linear);
     if (!(pivot > limit)) {
       breakdown.component = i;
       breakdown.value = static_cast<double>(pivot);

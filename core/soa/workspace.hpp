@@ -51,6 +51,8 @@ struct InwardFor {
 
 /// A pivot of D below this fraction of the inertia it is made of is round-off, not inertia.
 inline constexpr double kPivotLimit = 4e-16;
+/// The same of component j of a hinge: each one that is eliminated before it leaves its rounding.
+constexpr double pivot_limit(int j) { return kPivotLimit * (1 + 2 * j); }
 /// Its square root in square-root form: what is left of it after the rounding of six reflected columns.
 inline constexpr double kRootPivotLimit = 2e-15;
 
