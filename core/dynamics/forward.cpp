@@ -96,7 +96,8 @@ RunFailure describe_breakdown(const Model& model, const soa::Breakdown& bad, dou
   f.what = fmt::format("{} = {:.3g}, limit {:.3g}, direction: {}", mode ? "modal inertia" : "D", bad.value, bad.limit, direction);
   f.hint = "a body without mass or inertia in that direction, or a value that is not finite; see docs/errors.md";
   if (const std::string deformed = truncated_outboard(model, bad.body); bad.value < 0.0 && !deformed.empty())
-    f.hint = fmt::format("modes of {} have deformed it beyond what its level can describe: level 2 keeps a mass matrix positive definite", deformed);
+    f.hint = fmt::format("modes of {} have deformed it beyond what its level can describe: level 2 keeps a mass matrix positive definite",
+                         deformed);
   return f;
 }
 

@@ -106,7 +106,9 @@ void SpatialOperators::factor(Eigen::MatrixXd& D, Eigen::VectorXd made_of, int v
   S.setZero(n, n);
   for (int j = 0; j < n; ++j) {
     const double pivot = factored(j, j) - S.row(j).head(j).squaredNorm();
-    if (const double limit = soa::pivot_limit(j) * made_of[j]; !(pivot > limit)) {
+    const Eigen::VectorXd w = S.topLeftCorner(j, j).triangularView<Eigen::Lower>().transpose().solve(S.row(j).head(j).transpose());
+    const double root = std::sqrt(made_of[j]) + w.cwiseAbs().dot(made_of.head(j).cwiseSqrt());
+    if (const double limit = soa::kPivotLimit * root * root; !(pivot > limit)) {  // soa::rounding_of_pivot
       soa::Breakdown at = where(j);
       at.value = pivot, at.limit = limit;
       throw NumericsError(describe_breakdown(*model_, at, 0.0));

@@ -69,11 +69,14 @@ static bool factor_hinge(const ArticulatedInertia<T>& P, Hinge<T, NV>& hinge, co
     T pivot = D[j * (j + 1) / 2 + j];
     for (int l = 0; l < j; ++l) pivot = pivot - Lj[l] * Lj[l];
     const bool is_fixed = fixed && fixed[j];
-    if (!is_fixed && !(pivot > T(pivot_limit(j)) * scale[j])) {
-      bad.component = j;
-      bad.value = static_cast<double>(pivot);
-      bad.limit = pivot_limit(j) * static_cast<double>(scale[j]);
-      return false;
+    if (!is_fixed && !(pivot > T(kSmallPivot) * scale[j])) {
+      const T limit = rounding_of_pivot([&](int l, int i) { return hinge.L[l * (l + 1) / 2 + i]; }, scale, j);
+      if (!(pivot > limit)) {
+        bad.component = j;
+        bad.value = static_cast<double>(pivot);
+        bad.limit = static_cast<double>(limit);
+        return false;
+      }
     }
     Lj[j] = sqrt(pivot);
     Force<T> c = PH[j];

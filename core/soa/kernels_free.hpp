@@ -75,12 +75,15 @@ static bool factor_free(const ArticulatedInertia<T>& P, T* L, Breakdown& breakdo
       Li[j] = sum * Lj[j];
       pivot = pivot - Li[j] * sum;
     }
-    const T limit = T(pivot_limit(i)) * (i < 3 ? angular : linear);
-    if (!(pivot > limit)) {
-      breakdown.component = i;
-      breakdown.value = static_cast<double>(pivot);
-      breakdown.limit = static_cast<double>(limit);
-      return false;
+    if (!(pivot > T(kSmallPivot) * (i < 3 ? angular : linear))) {
+      const T scale[6] = {angular, angular, angular, linear, linear, linear};
+      const T limit = rounding_of_pivot([&](int l, int m) { return l == m ? T(1) : L[l * (l + 1) / 2 + m]; }, scale, i);
+      if (!(pivot > limit)) {
+        breakdown.component = i;
+        breakdown.value = static_cast<double>(pivot);
+        breakdown.limit = static_cast<double>(limit);
+        return false;
+      }
     }
     Li[i] = T(1) / pivot;
   }

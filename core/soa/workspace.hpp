@@ -51,8 +51,23 @@ struct InwardFor {
 
 /// A pivot of D below this fraction of the inertia it is made of is round-off, not inertia.
 inline constexpr double kPivotLimit = 4e-16;
-/// The same of component j of a hinge: each one that is eliminated before it leaves its rounding.
-constexpr double pivot_limit(int j) { return kPivotLimit * (1 + 2 * j); }
+/// Below this fraction it is asked how much of a pivot rounding may be (rounding_of_pivot).
+inline constexpr double kSmallPivot = 1e-6;
+
+/// What rounding may be of pivot j of D = L L*, whose columns are made of inertias of the sizes scale[i]: components l before it have gone
+/// into it by the factors w = D_jl D_ll^-1, so an error e of D is one of (1, w) e (1, w)*. `at(l, i)`: L.
+template <class T, class L>
+[[gnu::noinline, gnu::cold]] T rounding_of_pivot(const L& at, const T* scale, int j) {
+  using std::sqrt;
+  T w[6], root = sqrt(scale[j]);
+  for (int i = j - 1; i >= 0; --i) {
+    T sum = at(j, i);
+    for (int l = i + 1; l < j; ++l) sum = sum - at(l, i) * w[l];
+    w[i] = sum / at(i, i);
+    root = root + sqrt(w[i] * w[i] * scale[i]);
+  }
+  return T(kPivotLimit) * root * root;
+}
 /// Its square root in square-root form: what is left of it after the rounding of six reflected columns.
 inline constexpr double kRootPivotLimit = 2e-15;
 

@@ -49,13 +49,9 @@ void read_integrator(LuaTable& t, MissionSpec& m) {
   if (method) i.method = *method;
   if (relative) i.relative_tolerance = *relative;
   if (!method) m.defaults_used.emplace_back("mission.integrator.method", i.method);
-  const auto time = [&t](const char* key, double& to) {  // 0, which stands for "not given" in the options, is no time
-    const auto x = t.number(key, "s");
-    if (x) to = *x;
-    if (x && !(*x > 0.0)) t.reject(key, "a time > 0");
-    return x.has_value();
-  };
-  const bool step = time("step", i.fixed_step);
+  const auto step = t.number("step", "s");
+  if (step) i.fixed_step = *step;
+  if (step && !(*step > 0.0)) t.reject("step", "a time > 0");  // 0 stands for "not given" in the options
   if (!relative && !step) m.defaults_used.emplace_back("mission.integrator.relative", fmt::format("{:g}", i.relative_tolerance));
   if (const auto x = t.text("linear_solver"))
     i.linear_solver = *x;
@@ -77,7 +73,8 @@ void read_integrator(LuaTable& t, MissionSpec& m) {
     read("velocity", "m/s", by.velocity), read("modes", "1", by.modes);
     kinds->finish();
   }
-  time("initial_step", i.initial_step), time("max_step", i.max_step);
+  if (const auto x = t.number("initial_step", "s")) i.initial_step = *x;
+  if (const auto x = t.number("max_step", "s")) i.max_step = *x;
   t.finish();
 }
 

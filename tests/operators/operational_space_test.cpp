@@ -392,6 +392,9 @@ TEST(SingularHinge, OfAPointOnThreeAxesIsSaid) {
     const State start = model->initial_state();
     VectorXd vdot(model->nv);
     EXPECT_FALSE(forward_dynamics(*model, ws, {.q = start.q.data(), .v = start.v.data()}, vdot.data())) << i << ": " << vdot.transpose();
+    TreeOperators ops(model);
+    ops.at(start.q.data());
+    EXPECT_THROW(ops.articulate(), NumericsError) << i;
   }
 }
 
