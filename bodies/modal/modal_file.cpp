@@ -101,10 +101,12 @@ class Reader : public AnyReader {
   /// Once all is read: what is not a part of a modal file, a word that is spelled differently or an item beyond `count`, is refused.
   void expect_nothing_else() const {
     const std::set<std::string> known(asked_.begin(), asked_.end());
-    for (const std::string& path : file_.datasets("/"))
-      if (!known.contains(path))
-        refuse({path, {file_.file_name()}}, {}, Code::bad_result_file, "a part of a modal file", in_quotes(printable(path)),
-               did_you_mean(path, asked_) + "remarks may stand in attributes; docs/modal_files.md has all parts");
+    for (const std::string& path : file_.datasets("/")) {
+      if (known.contains(path)) continue;
+      const std::string meant = did_you_mean(path, asked_);
+      refuse({path, {file_.file_name()}}, {}, Code::bad_result_file, "a part of a modal file", in_quotes(printable(path)),
+             meant.empty() ? "remarks may stand in attributes; docs/modal_files.md has all parts" : meant);
+    }
   }
 
  private:

@@ -15,7 +15,7 @@ namespace {
 constexpr double kNear = 1e-2;   // a scaled pivot from which on it is looked at ...
 constexpr double kLeast = 1e-4;  // ... and beyond which the motion goes on at least
 constexpr int kTries = 6;
-constexpr double kRounding = 4e-14;  // over the square of a pivot: of the direction of motion
+constexpr double kRounding = 4e-14, kMost = 1e-4;  // over the square of a pivot: of the direction of motion; what is taken for it at most
 
 /// Weights of values at the times s, in which the polynomial through them has the integral from 0 to 1: Gauss' rule of four points.
 std::vector<double> weights(const std::vector<double>& s) {
@@ -75,7 +75,7 @@ void Simulation::pass_singular_posture(double t_stop) {
   const auto apart = [&](const Eigen::ArrayXd& a, const Eigen::ArrayXd& b) {
     const Eigen::ArrayXd allowed = Eigen::Map<const Eigen::ArrayXd>(absolute.data(), n) +
                                    options_.integrator.relative_tolerance * x0.abs() +
-                                   kRounding / (pivot * pivot) * (x0.abs() + gained.head(n).abs());
+                                   std::min(kRounding / (pivot * pivot), kMost) * (x0.abs() + gained.head(n).abs());
     return ((a - b).head(n).abs() / allowed).maxCoeff();
   };
   const auto reach = [&](const Eigen::ArrayXd& by) {  // an error across the loops ends here
