@@ -1,7 +1,7 @@
 // What devices cost in a right-hand side:  cardan-bench-devices [--seconds S]
 // The spacecraft of 28 velocities with and without devices, in turn in one run: bytes and nanoseconds of one device of each type, mean of
 // ten of them; hinges, bodies, fields and devices of a plugin made of the same sources (--plugin); ten frictions and four thrusters; and
-// how the same is solved (error of v' against the dense twin in 113 bits where devices act).
+// how the same is solved (error of v' against the dense twin in 113 bits where devices act). --fields: what fields cost at a point.
 #include <fmt/format.h>
 
 #include "bench/bench_model.hpp"
@@ -9,6 +9,7 @@
 #include "bench/time_ring.hpp"
 #include "bodies/register.hpp"
 #include "core/abi/device_family.hpp"
+#include "core/abi/param_values.hpp"
 #include "core/sim/reference_check.hpp"
 #include "core/sim/simulation.hpp"
 #include "hinges/register.hpp"
@@ -145,6 +146,75 @@ SystemSpec with_twin_bodies(SystemSpec spec, const Registry& registry) {
   return spec;
 }
 
+/// Of every field that there is, harmonics to several degrees: nanoseconds at a point, and how far the divergence of gravity and magnetic
+/// fields is from 0, of its largest part.
+int fields(double seconds) {
+  Registry registry;
+  register_devices(registry);  // and fields
+  fmt::print("| {:<35} | {:>10} | {:>18} | {:>10} |\n|---|---:|---:|---:|\n", "field at a point", "values, ns", "with gradients, ns",
+             "divergence");
+  const auto row = [&](const cardan_field_family& f, int degree) {
+    ParamTable values;
+    for (std::uint32_t i = 0; i < f.n_params; ++i) {
+      const cardan_param_desc& d = f.params[i];
+      const bool three = d.kind == CARDAN_VECTOR || d.kind == CARDAN_UNIT_VECTOR;
+      values.numbers[d.name].assign(d.fallback, d.fallback + (three ? 3 : 1));
+      if ((d.flags & CARDAN_REQUIRED) != 0) values.numbers[d.name] = {1e-3};
+    }
+    values.numbers["mu"] = {4e14}, values.numbers["coefficients"].clear();
+    if (f.quantity == CARDAN_GRAVITY) values.numbers["radius"] = {6378e3};
+    values.numbers["table"] = {0.0, 1.2, 100e3, 5e-7, 500e3, 1e-12, 1000e3, 1e-15};
+    for (int n = f.quantity == CARDAN_MAGNETIC ? 1 : 2; n <= degree; ++n)  // of the size that Kaula found
+      for (int m = 0; m <= n; ++m)
+        for (const double x : {1.0 * n, 1.0 * m, 1e-5 * std::sin(7.0 * n + m) / (n * n), 1e-5 * std::cos(5.0 * n - m) / (n * n)})
+          values.numbers["coefficients"].push_back(x);
+    if (f.quantity == CARDAN_MAGNETIC) {
+      std::vector<double> with_rates;
+      const std::vector<double>& rows = values.numbers["coefficients"];
+      for (std::size_t i = 0; i < rows.size(); i += 4) {
+        with_rates.insert(with_rates.end(), rows.begin() + static_cast<std::ptrdiff_t>(i),
+                          rows.begin() + static_cast<std::ptrdiff_t>(i) + 4);
+        with_rates.insert(with_rates.end(), 2, 1e-17);
+      }
+      values.numbers["coefficients"] = with_rates;
+    }
+    const cardan_param_values view = values.view();
+    std::vector<double> packed((f.packed_size ? f.packed_size(&view) : f.params_size) / sizeof(double) + 1);
+    std::vector<double> prepared(f.prepared_size / sizeof(double) + 1);
+    if (f.pack && f.pack(&view, packed.data()) != 0)
+      throw std::runtime_error(fmt::format("{}: {}", f.type, values.failures.front().expected));
+    if (f.prepare) f.prepare(0.0, packed.data(), prepared.data());
+    const cardan_field_args args{sizeof args, 0.0, packed.data(), f.prepare ? prepared.data() : nullptr};
+    constexpr int kPoints = 16;
+    double points[kPoints][3], value[CARDAN_FIELD_NUMBERS], gradient[3 * CARDAN_FIELD_NUMBERS], worst = 0.0;
+    for (int k = 0; k < kPoints; ++k)
+      for (int j = 0; j < 3; ++j) points[k][j] = 3.9e6 * (1.0 + 0.2 * std::sin(3.0 * k + j)) * (j == k % 3 ? -1.0 : 1.0);
+    double least[2] = {1e30, 1e30};
+    for (int round = 0; round < 5; ++round)
+      for (const bool with : {false, true})
+        least[with] = std::min(least[with], time_ring(kPoints, seconds / 5.0, [&](int k) {
+                                              f.evaluate(&args, 1, points[k], value, with ? gradient : nullptr);
+                                            }).min_ns);
+    const bool told = f.quantity == CARDAN_GRAVITY || f.quantity == CARDAN_MAGNETIC;
+    for (int k = 0; told && k < kPoints; ++k) {
+      f.evaluate(&args, 1, points[k], value, gradient);
+      double most = 0.0;
+      for (int i = 0; i < 9; ++i) most = std::max(most, std::abs(gradient[i]));
+      worst = std::max(worst, std::abs(gradient[0] + gradient[4] + gradient[8]) / most);
+    }
+    fmt::print("| {:<35} | {:>10.0f} | {:>18.0f} | {:>10} |\n", degree > 0 ? fmt::format("{}, degree {}", f.type, degree) : f.type,
+               least[0], least[1], told ? fmt::format("{:.1e}", worst) : "");
+  };
+  for (const auto& [family, origin] : registry.fields.all()) {
+    const std::string_view type = family->type;
+    const std::vector<int> degrees = type == "spherical_harmonics"  ? std::vector<int>{4, 8, 20, 70, 120}
+                                     : type == "magnetic_harmonics" ? std::vector<int>{13}
+                                                                    : std::vector<int>{0};
+    for (const int degree : degrees) row(*family, degree);
+  }
+  return 0;
+}
+
 int run(double seconds, const std::string& plugin) {
   Registry registry;
   register_hinges(registry), register_bodies(registry), register_devices(registry);
@@ -203,11 +273,13 @@ int main(int argc, char** argv) {
   cardan::bench::CommandLine line("What devices cost in a right-hand side.");
   double seconds = 0.2;
   std::string plugin;
+  bool of_fields = false;
   line.option("--seconds", seconds, "time spent on each figure");
   line.option("--plugin", plugin, "a plugin with twins of built-in devices: tests/plugins/twins");
+  line.option("--fields", of_fields, "what fields cost at a point, and nothing else");
   if (const auto code = line.parse(argc, argv)) return *code;
   try {
-    return cardan::bench::run(seconds, plugin);
+    return of_fields ? cardan::bench::fields(seconds) : cardan::bench::run(seconds, plugin);
   } catch (const std::exception& e) {
     fmt::print(stderr, "{}\n", e.what());
     return 2;

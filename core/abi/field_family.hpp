@@ -36,20 +36,32 @@ struct FieldPoint {
   decltype(prepared_of()) prepared;
 };
 
-/// `schema`, `limits`, `distance`, `Prepared` with `prepare(packed, t, prepared)`, `beyond(packed, point)` (bits of limits) may be left
-/// out.
+/// It gives gradients by formulas of its own.
 template <class F>
-concept FieldFamily = requires(const typename F::Packed& p, const FieldPoint<F, double>& at, const FieldPoint<F, Tangent>& along, double* x,
-                               Tangent* dx) {
+concept GivesGradients = requires(const typename F::Packed& p, const FieldPoint<F, double>& at, double* x, double* gradients) {
+  { F::evaluate(p, at, x, gradients) }
+  noexcept;
+};
+/// Or its law is a template on the scalar.
+template <class F>
+concept FollowsTangents = requires(const typename F::Packed& p, const FieldPoint<F, double>& at, const FieldPoint<F, Tangent>& along,
+                                   double* x, Tangent* dx) {
+  { F::evaluate(p, at, x) }
+  noexcept;
+  { F::evaluate(p, along, dx) }
+  noexcept;
+};
+
+/// `schema`, `limits`, `distance`, `Prepared` with `prepare(packed, t, prepared)`, `beyond(packed, point)` (bits of limits) may be left
+/// out. With `packed_size(params)`, in bytes, pack(params, packed) may write behind the Packed that it is handed.
+template <class F>
+concept FieldFamily = requires {
   { F::type } -> std::convertible_to<std::string_view>;
   { F::summary } -> std::convertible_to<std::string_view>;
   { F::quantity } -> std::convertible_to<std::uint32_t>;
   { F::facts } -> std::convertible_to<unsigned>;
   requires std::is_trivially_copyable_v<typename F::Packed>;
-  { F::evaluate(p, at, x) }
-  noexcept;
-  { F::evaluate(p, along, dx) }
-  noexcept;
+  requires GivesGradients<F> || FollowsTangents<F>;
 };
 
 namespace detail {
@@ -63,14 +75,18 @@ int evaluate_field(const cardan_field_args* a, std::uint32_t n, const double* po
   for (std::uint32_t i = 0; i < n; ++i) {
     FieldPoint<F, double> at{a->t, {}, prepared};
     if constexpr (!is_of_time(F::quantity)) at.x = {points[3 * i], points[3 * i + 1], points[3 * i + 2]};
-    F::evaluate(packed, at, values + size * i);
     if constexpr (requires { F::beyond(packed, at); }) beyond |= F::beyond(packed, at);
-    for (int j = 0; gradients && j < 3; ++j) {
-      const FieldPoint<F, Tangent> along{
-          a->t, {{at.x.x, j == 0 ? 1.0 : 0.0}, {at.x.y, j == 1 ? 1.0 : 0.0}, {at.x.z, j == 2 ? 1.0 : 0.0}}, prepared};
-      Tangent value[size];
-      F::evaluate(packed, along, value);
-      for (std::uint32_t k = 0; k < size; ++k) gradients[3 * (size * i + k) + static_cast<std::uint32_t>(j)] = value[k].d;
+    if constexpr (GivesGradients<F>) {
+      F::evaluate(packed, at, values + size * i, gradients ? gradients + 3 * size * i : nullptr);
+    } else {
+      F::evaluate(packed, at, values + size * i);
+      for (int j = 0; gradients && j < 3; ++j) {
+        const FieldPoint<F, Tangent> along{
+            a->t, {{at.x.x, j == 0 ? 1.0 : 0.0}, {at.x.y, j == 1 ? 1.0 : 0.0}, {at.x.z, j == 2 ? 1.0 : 0.0}}, prepared};
+        Tangent value[size];
+        F::evaluate(packed, along, value);
+        for (std::uint32_t k = 0; k < size; ++k) gradients[3 * (size * i + k) + static_cast<std::uint32_t>(j)] = value[k].d;
+      }
     }
   }
   return beyond;
@@ -94,6 +110,10 @@ const cardan_field_family& field_table() {
     if constexpr (requires { F::schema; }) t.params = F::schema, t.n_params = sizeof(F::schema) / sizeof(F::schema[0]);
     if constexpr (requires { F::limits; }) t.limits = F::limits, t.n_limits = sizeof(F::limits) / sizeof(F::limits[0]);
     t.pack = &detail::pack<F>;
+    if constexpr (requires(const Params& params) { F::packed_size(params); }) {
+      t.packed_size = [](const cardan_param_values* values) -> std::uint64_t { return F::packed_size(Params(values)); };
+      t.pack = [](const cardan_param_values* values, void* packed) { return F::pack(Params(values), *new (packed) P{}) ? 0 : 1; };
+    }
     t.evaluate = &detail::evaluate_field<F>;
     if constexpr (requires { typename F::Prepared; }) {
       t.prepared_size = sizeof(typename F::Prepared);

@@ -84,7 +84,7 @@ Eigen::VectorXd random_vector(std::mt19937_64& rng, Eigen::Index n) {
   return v;
 }
 
-ParamTable random_parameters(std::span<const cardan_param_desc> schema, std::mt19937_64& rng, bool orthonormal, bool sparse) {
+ParamTable random_parameters(std::span<const cardan_param_desc> schema, std::mt19937_64& rng, bool orthonormal, bool sparse, bool whole) {
   ParamTable table;
   for (const cardan_param_desc& d : schema) {
     const bool required = d.flags & CARDAN_REQUIRED;
@@ -111,10 +111,14 @@ ParamTable random_parameters(std::span<const cardan_param_desc> schema, std::mt1
         table.texts[d.name] = d.names[static_cast<std::size_t>(numbers[0])];
         continue;
       }
-      case CARDAN_TABLE: {  // the first column increases, as a time or an angle does
+      case CARDAN_TABLE: {  // the first column increases, as a time, an angle or a degree does
         constexpr int kRows = 5;
+        const double first = whole ? std::floor(2.0 * uniform(rng)) : 0.0;
         for (int row = 0; row < kRows; ++row)
-          for (std::uint32_t c = 0; c < d.count; ++c) numbers.push_back(c == 0 ? row + 0.5 * uniform(rng) : 0.3 + 0.7 * uniform(rng));
+          for (std::uint32_t c = 0; c < d.count; ++c) {
+            const double any = c == 0 ? first + row + 0.5 * uniform(rng) : 0.3 + 0.7 * uniform(rng);
+            numbers.push_back(whole ? std::floor(c == 0 ? any : 1.4 * any) : any);
+          }
         if (sparse && !required) table.numbers.erase(d.name);
         continue;
       }
@@ -146,9 +150,9 @@ PackedSample packed_at_random(std::span<const cardan_param_desc> schema, std::ui
     bool orthonormal, sparse;
   };
   constexpr Way kWays[] = {{false, false}, {true, false}, {false, true}, {true, true}};
-  for (int attempt = 0; attempt < 32; ++attempt) {  // parameters may have to fit together: refused by half, one of 32 is as good as sure
+  for (int attempt = 0; attempt < 64; ++attempt) {  // parameters may have to fit together: refused by half, one of 32 is as good as sure
     const Way way = kWays[attempt % 4];
-    ParamTable table = random_parameters(schema, rng, way.orthonormal, way.sparse);
+    ParamTable table = random_parameters(schema, rng, way.orthonormal, way.sparse, attempt >= 32);
     const cardan_param_values values = table.view();
     const std::uint64_t wanted = size(&values);
     if (wanted > kMostInstanceBytes)

@@ -87,8 +87,9 @@ class Handed {
 Eigen::VectorXd random_vector(std::mt19937_64& rng, Eigen::Index n);
 
 /// A set of parameters inside of their ranges (between 0.3 and 1 where there is none). `orthonormal`: lists of up to three vectors
-/// are. `sparse`: what has a fallback takes it.
-ParamTable random_parameters(std::span<const cardan_param_desc> schema, std::mt19937_64& rng, bool orthonormal, bool sparse);
+/// are. `sparse`: what has a fallback takes it. `whole`: numbers in tables are.
+ParamTable random_parameters(std::span<const cardan_param_desc> schema, std::mt19937_64& rng, bool orthonormal, bool sparse,
+                             bool whole = false);
 
 /// An instance packed at random: by random parameters, with orthonormal vectors, or as sparse as may be; the first set that pack accepts.
 struct PackedSample {

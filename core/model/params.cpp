@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <fstream>
 #include <iterator>
+#include <numeric>
 #include <utility>
 
 #include "core/base/units.hpp"
@@ -234,7 +235,9 @@ std::string_view trimmed(std::string_view text) {
 class TableFile {
  public:
   TableFile(const cardan_param_desc& table, const std::string& path, const Located& at, DiagnosticSink& sink)
-      : table_(table), path_(path), at_(at), sink_(sink), factors_(table.count, 0.0) {}
+      : table_(table), path_(path), at_(at), sink_(sink), factors_(table.count, 0.0), place_(table.count), width_(table.count) {
+    std::iota(place_.begin(), place_.end(), std::size_t{0});
+  }
 
   void line(std::string_view text, int number) {
     text = trimmed(text.substr(0, text.find('#')));
@@ -247,12 +250,14 @@ class TableFile {
       begin = end + 1;
     }
     const bool first = std::exchange(first_, false);
-    if (fields.size() != table_.count)
-      return fault(Code::wrong_type, fmt::format("{} values: {}", table_.count, columns(table_)), fmt::format("{} values", fields.size()));
     if (first &&
         std::ranges::any_of(fields, [](std::string_view f) { return !f.empty() && std::isalpha(static_cast<unsigned char>(f[0])); }))
       return read_head(fields);
-    for (std::size_t i = 0; i < fields.size(); ++i) read_field(fields[i], i);
+    if (fields.size() != width_) {
+      const std::string given = width_ == table_.count ? columns(table_) : "as many as the first line names";
+      return fault(Code::wrong_type, fmt::format("{} values: {}", width_, given), fmt::format("{} values", fields.size()));
+    }
+    for (std::size_t i = 0; i < table_.count; ++i) read_field(fields[place_[i]], i);
   }
   std::vector<double> take() { return std::move(all_); }
 
@@ -261,13 +266,20 @@ class TableFile {
     sink_.report(code, {at_.key_path, {path_, line_, 0}}, std::move(expected), std::move(got), std::move(hint));
   }
 
+  /// The first line, where it names columns: those of the table in any order, among others that do not count.
   void read_head(const std::vector<std::string_view>& fields) {
-    for (std::size_t i = 0; i < fields.size(); ++i) {
-      const std::string_view name = trimmed(fields[i].substr(0, fields[i].find('['))), unit = trimmed(fields[i].substr(name.size()));
+    const auto name_of = [](std::string_view field) { return trimmed(field.substr(0, field.find('['))); };
+    width_ = fields.size();
+    for (std::size_t i = 0; i < table_.count; ++i) {
+      const auto named = std::ranges::find(fields, std::string_view(table_.names[i]), name_of);
+      if (named == fields.end())
+        return fault(Code::wrong_type, "the columns " + columns(table_), in_quotes(fmt::format("{}", fmt::join(fields, ", "))));
+      place_[i] = static_cast<std::size_t>(named - fields.begin());
+      const std::string_view unit = trimmed(named->substr(name_of(*named).size()));
       const auto wanted = parse_unit(column_unit(table_, i));
       const auto given = unit.size() > 2 && unit.back() == ']' ? parse_unit(unit.substr(1, unit.size() - 2)) : std::nullopt;
-      if (name != table_.names[i] || (!unit.empty() && (!given || !(given->dimension == wanted->dimension))))
-        return fault(Code::wrong_type, "the columns " + columns(table_), in_quotes(fields[i]));
+      if (!unit.empty() && (!given || !(given->dimension == wanted->dimension)))
+        return fault(Code::wrong_type, "the columns " + columns(table_), in_quotes(*named));
       if (given) factors_[i] = given->factor;
     }
   }
@@ -288,6 +300,8 @@ class TableFile {
   const Located& at_;
   DiagnosticSink& sink_;
   std::vector<double> factors_, all_;  // of units in the first line; 0: none there
+  std::vector<std::size_t> place_;     // of the columns of the table in a line
+  std::size_t width_;                  // values in a line
   bool first_ = true;
   int line_ = 0;
 };

@@ -47,9 +47,9 @@ std::string range_text(const cardan_param_desc& desc);
 /// The path of a file that the input names, relative to the file where the name stands.
 std::string beside(const SourceMark& mark, const std::string& file);
 
-/// Rows of numbers, one after the other, from a text of values between commas. A first line may name the columns, each with a unit in
-/// brackets: `time [s], force [mN]`; else the units are those of the schema. Empty lines and what follows a # are left out. Faults go to
-/// the sink with the line of the file; then the result is of no use.
+/// Rows of numbers, one after the other, from a text of values between commas. A first line may name the columns, in any order and among
+/// others, each with a unit in brackets: `time [s], force [mN]`; else the units are those of the schema. Empty lines and what follows a #
+/// are left out. Faults go to the sink with the line of the file; then the result is of no use.
 std::vector<double> read_table_file(const std::string& path, const cardan_param_desc& table, const Located& at, DiagnosticSink& sink);
 
 }  // namespace cardan

@@ -5,6 +5,7 @@
 #include <yaml-cpp/yaml.h>
 
 #include <Eigen/Eigenvalues>
+#include <numbers>
 #include <stdexcept>
 
 #include "core/sim/simulation.hpp"
@@ -14,6 +15,7 @@
 namespace cardan::test {
 
 inline const Eigen::Vector3d X = Eigen::Vector3d::UnitX(), Y = Eigen::Vector3d::UnitY(), Z = Eigen::Vector3d::UnitZ();
+inline constexpr double kDegree = std::numbers::pi / 180.0;
 
 class Published {
  public:

@@ -14,7 +14,6 @@ namespace {
 
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-constexpr double kDegree = std::numbers::pi / 180.0;
 
 TEST(BranchedTree, FallsFromRestAsFeatherstoneSays) {
   const Published ref("rigid-rbdl-branched-tree");

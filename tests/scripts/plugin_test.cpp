@@ -269,6 +269,10 @@ TEST(PluginTables, AreTheSameInPlaceAndInAFile) {
   const auto hashes = Hdf5File::open(dir / "b/run.h5").read_texts("/run/modal_files");
   ASSERT_EQ(hashes.size(), 2u) << "the file is recorded as files of modes are";
   EXPECT_EQ(hashes[0], "track.csv");
+  write(dir / "track.csv", "z, name, y, x [mm]\n0, start, 0, 0\n0, ahead, 0, 1000\n0, aside, 20 cm, 0\n");
+  const Finished others = dir.with_coefficients("track.csv", {"run", ".", "--out", "d", "--quiet"});
+  EXPECT_EQ(others.exit_code, 0) << others.err;
+  EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "d")) << "columns by their names";
   write(dir / "track.csv", "0, 0, 0\n1, 0, 0\n0, 0.3, 0\n");
   EXPECT_TRUE(has(run_program({"run", "--again", "b/run.h5", "--out", "c"}, dir.path()).err, "error[C0703]"));
 }
@@ -286,7 +290,7 @@ TEST(PluginTables, AreRefusedWithTheirLine) {
             "error[C0301]: value out of range\n  expected: two rows or more\n  got:      one row\n"
             "  hint:     with one row the body would not move: type: locked");
   write(dir / "t.csv", "x, y, w\n");
-  EXPECT_EQ(dir.refusal("t.csv"), "error[C0106]: wrong type of value\n  expected: the columns " + columns + "\n  got:      \"w\"");
+  EXPECT_EQ(dir.refusal("t.csv"), "error[C0106]: wrong type of value\n  expected: the columns " + columns + "\n  got:      \"x, y, w\"");
   write(dir / "t.csv", "x [kg], y, z\n");
   EXPECT_EQ(dir.refusal("t.csv"), "error[C0106]: wrong type of value\n  expected: the columns " + columns + "\n  got:      \"x [kg]\"");
   write(dir / "t.csv", "1, 2, 3\n4, 5\n");

@@ -1,0 +1,211 @@
+#pragma once
+// Harmonics of what is around a planet, to any degree and order (docs/mathematics/gravity.md 6):
+// phi = 1/r sum_n (a/r)^n sum_m P_nm(u) (C_nm cos(m l) + S_nm sin(m l)), P_nm fully normalised (4 pi), without the phase of Condon and
+// Shortley, u the sine of the latitude. By columns of one order, on derived Legendre functions, which know no singular pole (Pines 1973).
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include "plugins/fields/planet.hpp"
+
+namespace cardan {
+
+struct Coefficient {
+  int n = 0, m = 0;
+  double C = 0.0, S = 0.0, C_rate = 0.0, S_rate = 0.0;  // rates [1/s]
+};
+
+/// One of a column: its recursion P_n = alpha u P_n-1 - beta P_n-2, and its coefficients.
+struct Term {
+  double alpha, beta, C, S, C_rate, S_rate;
+};
+/// All terms of an order that are there, from degree m to `last`.
+struct Order {
+  std::int64_t m, last;
+  double sectoral;  // P_mm over the m-th power of the cosine of the latitude
+};
+
+/// The head of packed harmonics; orders, each followed by its terms, stand behind the field that has it.
+struct Harmonics {
+  static constexpr int kMostDegree = 360;  // derived functions of much more overflow
+  double radius;                           // a [m]
+  std::int64_t orders;
+
+  /// Of rows with n and m in front; null: they are none, and `params` was told so.
+  static std::optional<std::vector<Coefficient>> read(const Params& params, int columns, int least, int degree) {
+    const auto rows = params.table("coefficients", columns);
+    std::vector<Coefficient> all;
+    for (Eigen::Index i = 0; i < rows.cols(); ++i) {
+      const double n = rows(0, i), m = rows(1, i);
+      if (n != std::floor(n) || m != std::floor(m) || n < least || n > kMostDegree || m < 0.0 || m > n) {
+        params.fail("coefficients", least == 0 ? "rows of a degree n from 0 to 360 and an order m from 0 to n"
+                                               : "rows of a degree n from 1 to 360 and an order m from 0 to n");
+        return {};
+      }
+      if (n > degree) continue;
+      all.push_back({static_cast<int>(n), static_cast<int>(m), rows(2, i), rows(3, i)});
+      if (columns == 6) all.back().C_rate = rows(4, i), all.back().S_rate = rows(5, i);
+    }
+    std::ranges::sort(all, {}, [](const Coefficient& c) { return std::pair(c.m, c.n); });
+    const auto same = [](const Coefficient& a, const Coefficient& b) { return a.n == b.n && a.m == b.m; };
+    if (std::ranges::adjacent_find(all, same) != all.end()) {
+      params.fail("coefficients", "each degree and order once");
+      return {};
+    }
+    return all;
+  }
+
+  static std::uint64_t bytes(const std::vector<Coefficient>& sorted) {
+    std::uint64_t sum = 0;
+    for (std::size_t i = 0; i < sorted.size(); ++i)
+      if (i + 1 == sorted.size() || sorted[i + 1].m != sorted[i].m)
+        sum += sizeof(Order) + static_cast<std::uint64_t>(sorted[i].n - sorted[i].m + 1) * sizeof(Term);
+    return sum;
+  }
+
+  /// To `to`, of bytes(sorted).
+  void write(const std::vector<Coefficient>& sorted, void* to) {
+    orders = 0;
+    auto* at = static_cast<unsigned char*>(to);
+    double sectoral = 1.0;
+    int reached = 0;
+    for (std::size_t begin = 0, end = 0; begin < sorted.size(); begin = end) {
+      const int m = sorted[begin].m;
+      while (end < sorted.size() && sorted[end].m == m) ++end;
+      const int last = sorted[end - 1].n;
+      for (; reached < m; ++reached) sectoral *= reached == 0 ? std::sqrt(3.0) : std::sqrt((2.0 * reached + 3.0) / (2.0 * reached + 2.0));
+      new (at) Order{m, last, sectoral};
+      at += sizeof(Order);
+      std::size_t next = begin;
+      for (int n = m; n <= last; ++n, at += sizeof(Term)) {
+        const double N = n, M = m;
+        const bool given = next < end && sorted[next].n == n;
+        const Coefficient c = given ? sorted[next++] : Coefficient{};
+        const double alpha = n > m ? std::sqrt((2 * N + 1) * (2 * N - 1) / ((N - M) * (N + M))) : 0.0;
+        const double beta = n > m + 1 ? std::sqrt((2 * N + 1) * (N + M - 1) * (N - M - 1) / ((2 * N - 3) * (N + M) * (N - M))) : 0.0;
+        new (at) Term{alpha, beta, c.C, c.S, c.C_rate, c.S_rate};
+      }
+      ++orders;
+    }
+  }
+
+  /// phi [1/m], its gradient and, by `SECOND`, its second derivatives, by rows, at `place` from the centre, all in the axes of the planet.
+  /// `orders` stand at `packed`; coefficients are those `since` their epoch [s].
+  template <bool SECOND>
+  void evaluate(const void* packed, const Eigen::Vector3d& place, double since, double& phi, Eigen::Vector3d& slope,
+                Eigen::Matrix3d& second) const noexcept {
+    const double r = place.norm(), near = radius / r;
+    const Eigen::Vector3d up = place / r;
+    const double u = up[2];
+    // (near (s + i t))^m with s, t the other two of `up`, and the two powers before, each near to the same power.
+    double re[3] = {1.0, 0.0, 0.0}, im[3] = {0.0, 0.0, 0.0};
+    std::int64_t power = 0;
+    double value = 0.0, along = 0.0, along_twice = 0.0, along_axis = 0.0, axis_twice = 0.0, plane = 0.0, across = 0.0;
+    Eigen::Vector3d moved = Eigen::Vector3d::Zero(), with_up = Eigen::Vector3d::Zero(), with_axis = Eigen::Vector3d::Zero();
+    const auto* at = static_cast<const unsigned char*>(packed);
+    for (std::int64_t i = 0; i < orders; ++i) {
+      const auto& order = *reinterpret_cast<const Order*>(at);
+      const auto* terms = reinterpret_cast<const Term*>(at + sizeof(Order));
+      at += sizeof(Order) + static_cast<std::size_t>(order.last - order.m + 1) * sizeof(Term);
+      for (; power < order.m; ++power) {
+        re[2] = near * re[1], im[2] = near * im[1];
+        re[1] = near * re[0], im[1] = near * im[0];
+        const double x = re[0];
+        re[0] = near * (up[0] * x - up[1] * im[0]), im[0] = near * (up[0] * im[0] + up[1] * x);
+      }
+      const auto m = static_cast<double>(order.m);
+      Sums c{}, s{};
+      column<SECOND>(order, terms, near, u, since, c, s);
+      // What is (re, im)^m here is, by their derivatives, m (re, im)^(m-1) along x and m (-im, re)^(m-1) along y.
+      value += c.P * re[0] + s.P * im[0];
+      const double C = c.along(m, u), S = s.along(m, u);
+      along -= C * re[0] + S * im[0];
+      moved += Eigen::Vector3d(m * (c.P * re[1] + s.P * im[1]), m * (s.P * re[1] - c.P * im[1]), c.D * re[0] + s.D * im[0]);
+      if constexpr (SECOND) {
+        const double C_u = c.along_slope(m, u), S_u = s.along_slope(m, u);
+        along_twice += c.along_twice(m, u) * re[0] + s.along_twice(m, u) * im[0];
+        along_axis -= C_u * re[0] + S_u * im[0];
+        axis_twice += c.E * re[0] + s.E * im[0];
+        with_up -= Eigen::Vector3d(m * (C * re[1] + S * im[1]), m * (S * re[1] - C * im[1]), 0.0);
+        with_axis += Eigen::Vector3d(m * (c.D * re[1] + s.D * im[1]), m * (s.D * re[1] - c.D * im[1]), 0.0);
+        plane += m * (m - 1.0) * (c.P * re[2] + s.P * im[2]), across += m * (m - 1.0) * (s.P * re[2] - c.P * im[2]);
+      }
+    }
+    phi = value / r;
+    slope = (along * up + moved) / (r * r);
+    if constexpr (SECOND) {
+      with_up[2] = along_axis;
+      with_axis[2] = 0.5 * axis_twice;
+      const Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
+      Eigen::Matrix3d half = with_up * up.transpose() + with_axis * axis.transpose();
+      second = along_twice * up * up.transpose() + along * Eigen::Matrix3d::Identity() + half + half.transpose();
+      second(0, 0) += plane, second(1, 1) -= plane, second(0, 1) += across, second(1, 0) += across;
+      second /= r * r * r;
+    }
+  }
+
+ private:
+  /// Sums over a column, each (a/r)^(n-m) times P, its slope D and its second derivative E along u, with the degree n and its square.
+  struct Sums {
+    double P, nP, D, nnP, nD, E;
+    /// -r d/dr of r^-(m+1) times the first sum, u = z/r, z held; its slope along u; what stands with r^ r^*.
+    double along(double m, double u) const { return (m + 1.0) * P + nP + u * D; }
+    double along_slope(double m, double u) const { return (m + 2.0) * D + nD + u * E; }
+    double along_twice(double m, double u) const { return (m + 3.0) * along(m, u) + (m + 1.0) * nP + nnP + u * nD + u * along_slope(m, u); }
+  };
+
+  template <bool SECOND>
+  static void column(const Order& order, const Term* terms, double near, double u, double since, Sums& c, Sums& s) noexcept {
+    double P = order.sectoral, D = 0.0, E = 0.0, P_before = 0.0, D_before = 0.0, E_before = 0.0;
+    for (std::int64_t n = order.m; n <= order.last; ++n) {
+      const Term& term = terms[n - order.m];
+      if (n > order.m) {
+        const double alpha = near * term.alpha, beta = near * near * term.beta;
+        const double P_next = alpha * (u * P) - beta * P_before, D_next = alpha * (P + u * D) - beta * D_before;
+        if constexpr (SECOND) {
+          const double E_next = alpha * (2.0 * D + u * E) - beta * E_before;
+          E_before = E, E = E_next;
+        }
+        P_before = P, P = P_next, D_before = D, D = D_next;
+      }
+      const double C = term.C + since * term.C_rate, S = term.S + since * term.S_rate, nP = static_cast<double>(n) * P;
+      c.P += C * P, s.P += S * P, c.nP += C * nP, s.nP += S * nP, c.D += C * D, s.D += S * D;
+      if constexpr (SECOND) {
+        const double nnP = static_cast<double>(n) * nP, nD = static_cast<double>(n) * D;
+        c.nnP += C * nnP, s.nnP += S * nnP, c.nD += C * nD, s.nD += S * nD, c.E += C * E, s.E += S * E;
+      }
+    }
+  }
+};
+
+/// What a field of harmonics packs: `scale` times phi is its potential.
+struct HarmonicField {
+  Harmonics harmonics;
+  TurningPlanet planet;
+  double scale, since;  // [s] from the epoch of the coefficients to the start of the run
+
+  /// scale phi, and along world axes its gradient and, unless null, its second derivatives by rows.
+  void evaluate(const PlanetAxes& axes, const Vec3<double>& place, double t, double& potential, double* slope,
+                double* second) const noexcept {
+    const Eigen::Map<const Eigen::Matrix3d> R(axes.columns);
+    const Eigen::Vector3d x =
+        R.transpose() * (Eigen::Vector3d(place.x, place.y, place.z) - Eigen::Map<const Eigen::Vector3d>(planet.centre));
+    double phi = 0.0;
+    Eigen::Vector3d along;
+    Eigen::Matrix3d twice;
+    if (second)
+      harmonics.evaluate<true>(this + 1, x, since + t, phi, along, twice);
+    else
+      harmonics.evaluate<false>(this + 1, x, since + t, phi, along, twice);
+    potential = scale * phi;
+    Eigen::Map<Eigen::Vector3d> to(slope);
+    to = scale * (R * along);
+    if (!second) return;
+    Eigen::Map<Eigen::Matrix3d> twice_to(second);
+    twice_to = scale * (R * twice * R.transpose());
+  }
+};
+
+}  // namespace cardan

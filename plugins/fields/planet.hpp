@@ -1,0 +1,101 @@
+#pragma once
+// What fields of planets share: how a planet stands and turns, how high a place is above its ellipsoid.
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cmath>
+
+#include "core/abi/field_family.hpp"
+
+namespace cardan {
+
+/// A planet that turns about its axis at a constant rate: where it is, and its axes at t = 0, columns in world axes: along the prime
+/// meridian, east of it, along the axis.
+struct TurningPlanet {
+  double centre[3], axes[9], rate;  // [m], [rad/s]
+
+  static constexpr cardan_param_desc centre_desc = param::optional("centre", CARDAN_VECTOR, "m", "of the planet, world axes");
+  static constexpr cardan_param_desc axis_desc = {
+      "axis", CARDAN_UNIT_VECTOR, 0u, "1", "of the planet, to the north, world axes", {0.0, 0.0, 1.0}, 0.0, 0.0, 0, nullptr, nullptr};
+  static constexpr cardan_param_desc meridian_desc = {
+      "meridian",
+      CARDAN_UNIT_VECTOR,
+      0u,
+      "1",
+      "where longitude 0 points at t = 0, world axes; what it has along the axis does not count",
+      {1.0, 0.0, 0.0},
+      0.0,
+      0.0,
+      0,
+      nullptr,
+      nullptr};
+  static constexpr cardan_param_desc rate_desc =
+      param::required("rate", CARDAN_NUMBER, "rad/s", "of the planet about its axis: 7.292115e-5 of Earth, 0 of one that does not turn");
+
+  bool pack(const Params& params) {
+    const Eigen::Vector3d c = params.vector("centre"), k = params.vector("axis"), m = params.vector("meridian");
+    const Eigen::Vector3d across = m - m.dot(k) * k;
+    if (across.norm() < 1e-6) return params.fail("meridian", "a direction that is not along `axis`");
+    Eigen::Map<Eigen::Matrix3d> columns(axes);
+    columns.col(0) = across.normalized(), columns.col(1) = k.cross(columns.col(0)), columns.col(2) = k;
+    Eigen::Map<Eigen::Vector3d> to(centre);
+    to = c;
+    rate = params.number("rate");
+    return true;
+  }
+};
+
+/// The axes of a planet at a time, columns in world axes.
+struct PlanetAxes {
+  double columns[9];
+  static PlanetAxes at(const TurningPlanet& p, double t) noexcept {
+    const double c = std::cos(p.rate * t), s = std::sin(p.rate * t);
+    PlanetAxes out{};
+    for (int i = 0; i < 3; ++i) {
+      out.columns[i] = c * p.axes[i] + s * p.axes[3 + i], out.columns[3 + i] = c * p.axes[3 + i] - s * p.axes[i];
+      out.columns[6 + i] = p.axes[6 + i];
+    }
+    return out;
+  }
+};
+
+/// A sphere, or an ellipsoid about its axis: radius at the equator [m], flattening 1 - (radius at the poles) / radius.
+struct Ellipsoid {
+  double centre[3], axis[3], radius, flattening;
+
+  static constexpr cardan_param_desc radius_desc = param::in_range(
+      param::optional("radius", CARDAN_NUMBER, "m", "of the planet, at its equator; the default is Earth's", 6378.137e3), 1e6, 1e8);
+  static constexpr cardan_param_desc flattening_desc = param::in_range(
+      param::optional("flattening", CARDAN_NUMBER, "1", "of its ellipsoid: 0 of a sphere, 1/298.257223563 of WGS 84"), 0.0, 0.2);
+
+  void pack(const Params& params) {
+    const Eigen::Vector3d c = params.vector("centre"), k = params.vector("axis");
+    *this = {{c[0], c[1], c[2]}, {k[0], k[1], k[2]}, params.number("radius"), params.number("flattening")};
+  }
+
+  /// Above the ellipsoid, along its normal [m]. The latitude by Bowring (1976), three times: to round-off from far below to far above.
+  template <class T>
+  T height(const Vec3<T>& place) const noexcept {
+    using std::sqrt;
+    const Vec3<T> d = place - Vec3<T>{T(centre[0]), T(centre[1]), T(centre[2])}, k{T(axis[0]), T(axis[1]), T(axis[2])};
+    const T square = dot(d, d);
+    if (flattening == 0.0) return sqrt(square) - T(radius);
+    const double polar = radius * (1.0 - flattening), e2 = flattening * (2.0 - flattening), e2_polar = e2 / (1.0 - e2);
+    const T z = dot(d, k);
+    const Vec3<T> out = d - z * k;
+    const T p = sqrt(dot(out, out));
+    // Cosine and sine of the reduced latitude, first that of Bowring's first guess.
+    T cosine = T(radius) * p, sine = T(polar) * z * (T(1.0) + T(e2_polar * polar) / sqrt(square)), north(0.0), east(1.0);
+    for (int i = 0; i < 3; ++i) {
+      const T size = T(1.0) / sqrt(cosine * cosine + sine * sine);
+      cosine = size * cosine, sine = size * sine;
+      const T up = z + T(e2_polar * polar) * sine * sine * sine, over = p - T(e2 * radius) * cosine * cosine * cosine;
+      const T whole = T(1.0) / sqrt(up * up + over * over);
+      north = whole * up, east = whole * over;
+      cosine = east, sine = T(1.0 - flattening) * north;
+    }
+    const T size = T(1.0) / sqrt(cosine * cosine + sine * sine);
+    return (p - T(radius) * size * cosine) * east + (z - T(polar) * size * sine) * north;
+  }
+};
+
+}  // namespace cardan

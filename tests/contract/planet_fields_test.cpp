@@ -1,0 +1,205 @@
+// Fields of planets: harmonics and atmospheres against other formulations.
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <random>
+
+#include "tests/support/field_values.hpp"
+#include "tests/support/worse.hpp"
+
+namespace cardan::test {
+namespace {
+
+using Eigen::AngleAxisd, Eigen::Matrix3d, Eigen::Vector3d;
+using Numbers = std::map<std::string, std::vector<double>>;
+
+std::vector<double> numbers(const Vector3d& x) { return {x.x(), x.y(), x.z()}; }
+
+/// mu and radius as the head of a file says.
+Numbers of_head(const std::string& file) {
+  std::ifstream in(std::string(CARDAN_SOURCE_DIR "/tests/reference/data/gravity/") + file);
+  Numbers out;
+  for (std::string line; std::getline(in, line) && line[0] == '#';)
+    for (const char* name : {"mu", "radius"})
+      if (line.starts_with(std::string("# ") + name + ": ")) out[name] = {std::stod(line.substr(line.find(':') + 1))};
+  return out;
+}
+
+// Positions of the file are rounded to a millimetre, and accelerations are those of the rounded ones.
+TEST(SphericalHarmonics, GiveTheAccelerationsOfOtherFormulations) {
+  std::vector<std::vector<std::string>> texts;
+  const auto rows = rows_of("gravity/check_accelerations.csv", &texts);
+  double worst = 0.0;
+  int checked = 0;
+  for (std::size_t i = 1; i < rows.size(); ++i, ++checked) {
+    Numbers given = of_head(texts[i][0]);
+    given["coefficients"] = coefficients_of("gravity/" + texts[i][0]);
+    given["degree"] = {rows[i][1]}, given["rate"] = {0.0};
+    const Vector3d x(rows[i][2], rows[i][3], rows[i][4]), a(rows[i][5], rows[i][6], rows[i][7]);
+    const auto out = AskedField("spherical_harmonics", given).at(x);
+    worst = worse(worse(worst, (out.value.head<3>() - a).norm() / a.norm()), std::abs(-out.value[3] / rows[i][8] - 1.0));
+  }
+  EXPECT_GE(checked, 19);
+  EXPECT_LE(worst, 1e-14);
+}
+
+TEST(SphericalHarmonics, OfOrderZeroAreZonalOnes) {
+  std::mt19937_64 random(1);
+  std::normal_distribution<double> normal;
+  const auto any = [&] { return Vector3d(normal(random), normal(random), normal(random)); };
+  for (int trial = 0; trial < 20; ++trial) {
+    const Vector3d axis = any().normalized(), centre = 1e6 * any(),
+                   x = centre + (7e6 + 1e6 * std::abs(normal(random))) * any().normalized();
+    const double J[] = {1e-3, -2e-6, 3e-5, 4e-4, -5e-4};
+    Numbers zonal{{"mu", {4e14}}, {"radius", {6.4e6}}, {"axis", numbers(axis)}, {"centre", numbers(centre)}}, spherical = zonal;
+    for (int n = 2; n <= 6; ++n) {
+      zonal["J" + std::to_string(n)] = {J[n - 2]};
+      for (const double c : {1.0 * n, 0.0, -J[n - 2] / std::sqrt(2.0 * n + 1.0), 0.0}) spherical["coefficients"].push_back(c);
+    }
+    spherical["rate"] = {0.3}, spherical["meridian"] = numbers(any().normalized());
+    const auto a = AskedField("zonal_harmonics", zonal).at(x, 5.0), b = AskedField("spherical_harmonics", spherical).at(x, 5.0);
+    EXPECT_LE(largest((a.value - b.value).cwiseQuotient(a.value)), 1e-13) << trial;
+    EXPECT_LE((a.gradient.topRows<3>() - b.gradient.topRows<3>()).norm() / a.gradient.topRows<3>().norm(), 1e-14) << trial;
+  }
+}
+
+/// At a pole, where a longitude is none, C_21 and S_21 pull aside; and what a gradient is there.
+TEST(SphericalHarmonics, KnowNoSingularPole) {
+  const double mu = 2.0, a = 0.5, r = 3.0, C = 0.01, S = -0.02;
+  const AskedField f("spherical_harmonics", {{"mu", {mu}}, {"radius", {a}}, {"coefficients", {2, 1, C, S}}, {"rate", {0.0}}});
+  const auto pole = f.at({0.0, 0.0, r});
+  // U = -mu/r (1 + (a/r)^2 sqrt(15) z (C x + S y)/r^2).
+  const Vector3d aside = mu * a * a * std::sqrt(15.0) / std::pow(r, 4) * Vector3d(C, S, 0.0);
+  EXPECT_LE((pole.value.head<3>() - (aside - Vector3d(0, 0, mu / (r * r)))).norm(), 1e-16);
+  const double h = 1e-4;
+  for (int j = 0; j < 3; ++j) {
+    const Vector3d d = h * Vector3d::Unit(j);
+    const Eigen::Vector4d slope = (8.0 * (f.at(Vector3d(0, 0, r) + d).value - f.at(Vector3d(0, 0, r) - d).value) -
+                                   (f.at(Vector3d(0, 0, r) + 2 * d).value - f.at(Vector3d(0, 0, r) - 2 * d).value)) /
+                                  (12.0 * h);
+    EXPECT_LE((slope - pole.gradient.col(j)).norm(), 1e-11) << j;
+  }
+}
+
+TEST(SphericalHarmonics, TurnWithTheirPlanet) {
+  const Vector3d axis = Vector3d(0.2, -0.5, 0.8).normalized(), meridian(0.3, 1.0, 0.4), centre(1e5, 2e5, -3e5), x(3e5, -5e5, 4e5);
+  Numbers given = of_head("vesta_vesta20h_20.csv");
+  given["coefficients"] = coefficients_of("gravity/vesta_vesta20h_20.csv");
+  given["rate"] = {0.0};
+  const AskedField still("spherical_harmonics", given);
+  given["rate"] = {3.27e-4}, given["axis"] = numbers(axis), given["meridian"] = numbers(meridian.normalized()),
+  given["centre"] = numbers(centre);
+  const AskedField turning("spherical_harmonics", given);
+  Matrix3d R;
+  R.col(2) = axis, R.col(0) = (meridian - meridian.dot(axis) * axis).normalized(), R.col(1) = axis.cross(R.col(0));
+  for (const double t : {0.0, 1234.5}) {
+    const Matrix3d at = AngleAxisd(3.27e-4 * t, axis).toRotationMatrix() * R;
+    const auto a = turning.at(x, t), b = still.at(at.transpose() * (x - centre));
+    EXPECT_LE((a.value.head<3>() - at * b.value.head<3>()).norm() / a.value.head<3>().norm(), 1e-14);
+    EXPECT_LE((a.gradient.topRows<3>() - at * b.gradient.topRows<3>() * at.transpose()).norm() / a.gradient.topRows<3>().norm(), 1e-13);
+    EXPECT_NEAR(a.value[3] / b.value[3], 1.0, 1e-14);
+  }
+}
+
+TEST(SphericalHarmonics, RefuseRowsThatAreNone) {
+  const auto refusal = [](std::vector<double> rows) {
+    return AskedField("spherical_harmonics", {{"mu", {1.0}}, {"radius", {1.0}}, {"coefficients", std::move(rows)}, {"rate", {0.0}}})
+        .refusal();
+  };
+  EXPECT_EQ(refusal({2, 0, 1e-3, 0}), "");
+  for (const std::vector<double>& rows : {std::vector<double>{2.5, 0, 1, 0}, {2, 3, 1, 0}, {2, -1, 1, 0}, {361, 0, 1, 0}})
+    EXPECT_EQ(refusal(rows), "rows of a degree n from 0 to 360 and an order m from 0 to n");
+  EXPECT_EQ(refusal({2, 1, 1, 0, 2, 0, 1, 0, 2, 1, 1, 0}), "each degree and order once");
+}
+
+/// Each of the two epochs about a year, as IGRF is meant.
+TEST(MagneticHarmonics, GiveTheValuesOfTheRoutineOfIgrf) {
+  std::vector<std::vector<std::string>> texts;
+  const auto model = rows_of("magnetic/igrf14.csv", &texts);
+  constexpr double kYear = 365.25 * 86400.0;
+  double worst = 0.0;
+  int checked = 0;
+  for (const auto& row : rows_of("magnetic/igrf14_check_geocentric.csv")) {
+    const double year = row[0];
+    std::size_t column = 3;  // of the epoch before
+    while (column + 2 < model[0].size() && model[0][column + 1] <= year) ++column;
+    const double epoch = model[0][column], span = model[0][column + 1] - epoch;
+    std::map<std::pair<int, int>, std::array<double, 4>> all;
+    for (std::size_t i = 1; i < model.size(); ++i) {
+      auto& entry = all[{static_cast<int>(model[i][0]), static_cast<int>(model[i][1])}];
+      const bool h = texts[i][2] == "h";
+      entry[h] = 1e-9 * model[i][column], entry[2 + h] = 1e-9 * (model[i][column + 1] - model[i][column]) / (span * kYear);
+    }
+    Numbers given{{"rate", {0.0}}, {"since_epoch", {(year - epoch) * kYear}}};
+    for (const auto& [nm, values] : all) {
+      for (const int index : {nm.first, nm.second}) given["coefficients"].push_back(index);
+      given["coefficients"].insert(given["coefficients"].end(), values.begin(), values.end());
+    }
+    const double r = 1e3 * row[1], colatitude = row[2] * M_PI / 180.0, longitude = row[3] * M_PI / 180.0;
+    const GeodeticPlace place(M_PI / 2 - colatitude, longitude, r - 6371.2e3, 6371.2e3, 0.0);
+    const Vector3d B = 1e9 * place.ned.transpose() * AskedField("magnetic_harmonics", given).at(place.x).value.head<3>();
+    worst = worse(worst, largest(B - Vector3d(row[4], row[5], row[6])));
+    ++checked;
+  }
+  EXPECT_EQ(checked, 120);
+  EXPECT_LE(worst, 0.1) << "nT, the last digit of the coefficients that the routine has";
+}
+
+TEST(MagneticHarmonics, OfDegreeOneAreADipole) {
+  const double g = -3e-5, h = 4e-6, a = 6371.2e3;
+  const AskedField f("magnetic_harmonics",
+                     {{"coefficients", {1, 0, g, 0, 0, 0, 1, 1, 0, h, 0, 0}}, {"rate", {0.0}}, {"degree", {13.0}}, {"radius", {a}}});
+  const Vector3d moment(0.0, h, g), x(5e6, -6e6, 3e6);
+  const double r = x.norm();
+  const Vector3d wanted = std::pow(a / r, 3) * (3.0 * moment.dot(x) / (r * r) * x - moment);
+  EXPECT_LE((f.at(x).value.head<3>() - wanted).norm() / wanted.norm(), 1e-15);
+}
+
+TEST(MagneticHarmonics, RefuseNanoteslaWithoutTheirUnit) {
+  EXPECT_EQ(AskedField("magnetic_harmonics", {{"coefficients", {1, 0, -29351.8, 0, 12, 0}}, {"rate", {0.0}}, {"degree", {13.0}}}).refusal(),
+            "g and h of at most 1 T");
+  EXPECT_EQ(AskedField("magnetic_harmonics", {{"coefficients", {0, 0, 1e-5, 0, 0, 0}}, {"rate", {0.0}}, {"degree", {13.0}}}).refusal(),
+            "rows of a degree n from 1 to 360 and an order m from 0 to n");
+}
+
+/// From far below to far above, on the axis too: heights that were put in come out.
+TEST(StandardAtmosphere, KnowsTheHeightAboveAnEllipsoid) {
+  constexpr double kRadius = 6378137.0, kFlattening = 1.0 / 298.257223563;
+  const AskedField round("standard_atmosphere", {{"radius", {kRadius}}}),
+      flat("standard_atmosphere", {{"radius", {kRadius}}, {"flattening", {kFlattening}}});
+  for (const double latitude : {0.0, 1e-9, 0.3, 0.8, 1.2, 1.57, M_PI / 2, -M_PI / 2, -0.7})
+    for (const double height : {-4900.0, 0.0, 5e3, 30e3, 60e3, 85e3}) {
+      const auto wanted = round.at({kRadius + height, 0.0, 0.0}),
+                 got = flat.at(GeodeticPlace(latitude, 1.1, height, kRadius, kFlattening).x);
+      EXPECT_EQ(got.beyond, 0);
+      EXPECT_NEAR(got.value[0] / wanted.value[0], 1.0, 1e-12) << latitude << " " << height;  // 1e-9 m over a fall of 6 km
+      const Vector3d along = got.gradient.row(0), up = -GeodeticPlace(latitude, 1.1, height, kRadius, kFlattening).ned.col(2);
+      EXPECT_LE((along - wanted.gradient(0, 0) * up).norm() / along.norm(), 1e-9) << latitude << " " << height;
+    }
+  EXPECT_EQ(flat.at({0, 0, kRadius * (1.0 - kFlattening) - 5.1e3}).beyond, 1);
+  EXPECT_EQ(flat.at({kRadius + 86.1e3, 0, 0}).beyond, 2);
+}
+
+TEST(TabulatedAtmosphere, FallsExponentiallyFromRowToRow) {
+  const double R = 6378.137e3;
+  const std::vector<double> rows{100e3, 5e-7, 150e3, 2e-9, 200e3, 2.5e-10, 300e3, 2e-11};
+  const AskedField f("tabulated_atmosphere", {{"table", rows}, {"radius", {R}}});
+  for (std::size_t i = 0; i < rows.size(); i += 2) EXPECT_NEAR(f.at({0, R + rows[i], 0}).value[0] / rows[i + 1], 1.0, 1e-11);
+  const auto between = f.at({0, 0, R + 240e3});
+  EXPECT_NEAR(between.value[0] / (2.5e-10 * std::pow(0.08, 0.4)), 1.0, 1e-12);
+  EXPECT_NEAR(between.gradient(0, 2) / (between.value[0] * std::log(0.08) / 100e3), 1.0, 1e-12);
+  EXPECT_EQ(between.beyond, 0);
+  EXPECT_EQ(f.at({R + 99e3, 0, 0}).beyond, 1);
+  EXPECT_EQ(f.at({R + 301e3, 0, 0}).beyond, 2);
+  EXPECT_EQ(f.at({R + 301e3, 0, 0}).value[0], f.at({R + 300e3, 0, 0}).value[0]);
+  const auto refusal = [](std::vector<double> table) {
+    return AskedField("tabulated_atmosphere", {{"table", std::move(table)}}).refusal();
+  };
+  EXPECT_EQ(refusal({1, 1}), "at least two rows");
+  EXPECT_EQ(refusal({1, 1, 1, 0.5}), "heights that increase from row to row");
+  EXPECT_EQ(refusal({1, 1, 2, 0}), "densities above 0");
+}
+
+}  // namespace
+}  // namespace cardan::test
