@@ -3,10 +3,12 @@
 
 #include <algorithm>
 #include <array>
+#include <map>
 #include <memory>
 #include <set>
 
 #include "core/base/units.hpp"
+#include "core/model/schema.hpp"
 #include "scripts/bindings/bind.hpp"
 #include "scripts/lua/table.hpp"
 #include "scripts/mission/script_device.hpp"
@@ -61,19 +63,67 @@ std::vector<Item> items(lua_State* L, LuaTable& t, const char* key, std::set<std
   return all;
 }
 
-/// {at = "node", joint = "hinge"}.
+/// A mount as it is declared: "node", "hinge", "density", or {field = "density", at = "cp", optional = true}.
+struct DeclaredMount {
+  ScriptDevice::Mount mount;
+  std::string at;  // of a field: the mount of its node; empty: not told
+};
+
+DeclaredMount declared(LuaTable& table, const std::string& name, bool in_full) {
+  std::vector<std::string> quantities;
+  for (const ScriptDevice::Quantity& q : ScriptDevice::kQuantities) quantities.emplace_back(q.name);
+  DeclaredMount m;
+  m.mount.name = name;
+  std::string word;
+  if (in_full) {
+    LuaTable told = *table.table(name);
+    told.require({"field"});
+    word = told.choice("field", quantities).value_or("");
+    m.at = told.text("at").value_or("");
+    m.mount.optional = told.flag("optional").value_or(false);
+    told.finish();
+  } else {
+    std::vector<std::string> words{"node", "hinge"};
+    words.insert(words.end(), quantities.begin(), quantities.end());
+    word = table.choice(name, words).value_or("");
+  }
+  m.mount.hinge = word == "hinge";
+  if (const auto q = std::ranges::find(quantities, word); q != quantities.end())
+    m.mount.quantity = static_cast<int>(q - quantities.begin());
+  return m;
+}
+
+/// {at = "node", joint = "hinge", air = "density"}: by name, fields behind the node where they are read.
 std::vector<ScriptDevice::Mount> mounts(lua_State* L, LuaTable& t, std::set<std::string>& taken) {
   std::vector<ScriptDevice::Mount> all;
   if (!t.has("mounts")) return all;
   auto table = t.table("mounts");
   if (!table) return all;
+  std::map<std::string, bool> names;  // whether they are told in full
   lua_getfield(L, 1, "mounts");
-  for (lua_pushnil(L); lua_next(L, -2); lua_pop(L, 1)) all.push_back({lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : "", false});
+  for (lua_pushnil(L); lua_next(L, -2); lua_pop(L, 1))
+    names[lua_type(L, -2) == LUA_TSTRING ? lua_tostring(L, -2) : ""] = lua_istable(L, -1);
   lua_pop(L, 1);
-  std::ranges::sort(all, {}, &ScriptDevice::Mount::name);
-  for (ScriptDevice::Mount& m : all) {
-    if (m.name.empty() || !taken.insert(m.name).second) table->reject(m.name, own_name());
-    m.hinge = table->choice(m.name, {"node", "hinge"}).value_or("node") == "hinge";
+  std::vector<DeclaredMount> fields;
+  for (const auto& [name, in_full] : names) {
+    if (name.empty() || !taken.insert(name).second) table->reject(name, own_name());
+    DeclaredMount m = declared(*table, name, in_full);
+    if (m.mount.quantity < 0)
+      all.push_back(std::move(m.mount));
+    else
+      fields.push_back(std::move(m));
+  }
+  std::vector<std::string> nodes;
+  for (const ScriptDevice::Mount& m : all)
+    if (!m.hinge) nodes.push_back(m.name);
+  for (DeclaredMount& field : fields) {
+    const bool of_time = ScriptDevice::kQuantities[field.mount.quantity].of_time;
+    const std::string at = field.at.empty() && nodes.size() == 1 ? nodes.front() : field.at;
+    const auto node = std::ranges::find_if(all, [&](const ScriptDevice::Mount& m) { return m.name == at && !m.hinge && m.quantity < 0; });
+    if (node == all.end() && !(of_time && at.empty()))
+      table->reject(field.mount.name, nodes.empty() ? "a field beside a mount that is a node, where it is read"
+                                                    : "{field = ..., at = the node where it is read}: " + one_of(nodes));
+    all.insert(node == all.end() ? node : node + 1, std::move(field.mount));
   }
   return all;
 }

@@ -9,6 +9,7 @@
 #include <set>
 #include <utility>
 
+#include "core/abi/cardan_field.h"
 #include "core/abi/device_laws.hpp"
 #include "core/base/units.hpp"
 #include "core/model/schema.hpp"
@@ -86,9 +87,14 @@ ScriptDevice::ScriptDevice(LuaHost& lua, bool& running, Description description,
                        nullptr,
                        nullptr});
   const std::uint32_t use = CARDAN_USE_POSE | CARDAN_USE_VELOCITY | (d_.in_step ? CARDAN_USE_LOAD : CARDAN_USE_ACCELERATION);
+  static_assert(std::size(kQuantities) == CARDAN_TIME + 1);
   for (const Mount& m : d_.mounts)
-    mounts_.push_back({m.name.c_str(), static_cast<std::uint32_t>(m.hinge ? CARDAN_MOUNT_HINGE : CARDAN_MOUNT_NODE),
-                       m.hinge && !d_.in_step ? 0u : use, m.hinge ? "a component of a hinge" : "a node"});
+    if (m.quantity >= 0)
+      mounts_.push_back({m.name.c_str(), CARDAN_MOUNT_FIELD,
+                         static_cast<std::uint32_t>(m.quantity) | (m.optional ? std::uint32_t{CARDAN_USE_OPTIONAL} : 0u), "a field"});
+    else
+      mounts_.push_back({m.name.c_str(), static_cast<std::uint32_t>(m.hinge ? CARDAN_MOUNT_HINGE : CARDAN_MOUNT_NODE),
+                         m.hinge && !d_.in_step ? 0u : use, m.hinge ? "a component of a hinge" : "a node"});
   for (const Item& i : d_.inputs)
     ports_.push_back({i.name.c_str(), CARDAN_PORT_IN, i.unit.c_str(), i.value, 0, "of the script", nullptr, 0, nullptr});
   const std::uint64_t direct = d_.in_step ? ~std::uint64_t{0} : 0;
@@ -101,7 +107,9 @@ ScriptDevice::ScriptDevice(LuaHost& lua, bool& running, Description description,
   const auto names = [](std::vector<std::string>& to, const auto& items) {
     for (const auto& item : items) to.push_back(item.name);
   };
-  names(of_evaluate_, d_.outputs), names(of_evaluate_, d_.states), names(of_evaluate_, d_.mounts);
+  names(of_evaluate_, d_.outputs), names(of_evaluate_, d_.states);
+  for (const Mount& m : d_.mounts)
+    if (m.quantity < 0) of_evaluate_.push_back(m.name);
   if (!d_.in_step) names(of_tick_, d_.outputs);
   names(of_tick_, d_.memory);
   cardan_device_family& f = family_;
@@ -144,6 +152,14 @@ void ScriptDevice::push_arguments(lua_State* L, const cardan_device_args* a, boo
   all(d_.memory, a->d + held_outputs(d_));
   for (std::size_t i = 0; i < d_.mounts.size(); ++i) {
     const cardan_mount_motion& m = a->mount[i];
+    if (d_.mounts[i].quantity >= 0) {
+      const int n = kQuantities[d_.mounts[i].quantity].numbers;
+      if (n == 1)
+        set_number(L, d_.mounts[i].name, m.field[0]);
+      else
+        set_numbers(L, d_.mounts[i].name.c_str(), m.field, n);
+      continue;
+    }
     lua_createtable(L, 0, 6);
     if (d_.mounts[i].hinge) {
       set_number(L, "q", m.q), set_number(L, "v", m.v);
@@ -216,6 +232,7 @@ int ScriptDevice::evaluate(const cardan_device_args* a, cardan_device_out* out) 
     for (std::size_t i = 0; i < d_.states.size(); ++i) out->zdot[i] = *number(L, d_.states[i].name, true);
     for (std::size_t i = 0; i < d_.mounts.size(); ++i) {
       const Mount& m = d_.mounts[i];
+      if (m.quantity >= 0) continue;
       if (m.hinge) {
         out->load[i].tau = number(L, m.name, false).value_or(0.0);
         continue;

@@ -19,10 +19,21 @@ class ScriptDevice {
     double value = 0.0;
     bool given = false;  // the value is
   };
+  /// Where it is: a node, a component of a hinge; or what it reads at the node before it in the list: one of kQuantities.
   struct Mount {
     std::string name;
     bool hinge = false;
+    int quantity = -1;      // a field
+    bool optional = false;  // of a field: the vehicle may have none, all its numbers are then 0
   };
+  /// Fields in the order of cardan_quantity: their names, how many numbers a script gets, whether they are of time alone.
+  struct Quantity {
+    const char* name;
+    int numbers;
+    bool of_time;
+  };
+  static constexpr Quantity kQuantities[] = {{"gravity", 3, false}, {"magnetic", 3, false}, {"density", 1, false}, {"wind", 3, false},
+                                             {"light", 3, false},   {"position", 3, true},  {"attitude", 4, true}, {"time", 1, true}};
   struct Description {
     std::string type, summary;
     std::vector<Item> params, inputs, outputs, states, memory;  // states: z, with in_step alone; memory: numbers that tick sets

@@ -77,6 +77,64 @@ TEST(ScriptDevices, MayActInsideOfAStep) {
   EXPECT_NE(told.out.find("lua/spring: in the right-hand side"), std::string::npos) << told.out;
 }
 
+/// A drag and a coil of the script on one body, those that are built in on another: they move alike to the last bit.
+TEST(ScriptDevices, ReadFieldsWhereTheyAre) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml",
+        "cardan: 1\n"
+        "gravity: {field: earth}\n"
+        "fields:\n"
+        "  earth: {type: zonal_harmonics, mu: 398600.4418 km^3/s^2, radius: 6378.137 km, J2: 1.08262982e-3}\n"
+        "  air: {type: exponential_atmosphere, density: 2.8e-9 kg/m^3, height: 400 km}\n"
+        "  wind: {type: co_rotating_wind}\n"
+        "  geomagnetic: {type: dipole, axis: [0.1, -0.2, 0.9]}\n"
+        "bodies:\n"
+        "  one: {mass: 100, inertia: [10, 12, 9], hinge: {type: free, to: world}}\n"
+        "  other: {mass: 100, inertia: [10, 12, 9], hinge: {type: free, to: world}}\n"
+        "devices:\n"
+        "  drag: {type: drag, at: one, air: air, wind: wind, area: 3}\n"
+        "  coils: {type: magnetorquer, at: one, field: geomagnetic, max_moment: 100}\n"
+        "  drag_of_script: {type: lua/drag, at: other, air: air, wind: wind, area: 3}\n"
+        "  coils_of_script: {type: lua/coils, at: other, B: geomagnetic, pull: earth}\n");
+  write(
+      dir / "scenario.lua",
+      "device { type = 'lua/drag', in_step = true, mounts = { at = 'node', air = 'density', wind = { field = 'wind', at = 'at', optional = "
+      "true } },\n"
+      "  params = { area = 'm^2' },\n"
+      "  evaluate = function(a)\n"
+      "    local u, s = {}, 0\n"
+      "    for i = 1, 3 do u[i] = a.at.velocity[i] - a.wind[i]; s = s + u[i] ^ 2 end\n"
+      "    local f = -0.5 * 2.2 * a.area * a.air * math.sqrt(s)\n"
+      "    return { at = { force = { f * u[1], f * u[2], f * u[3] } } }\n"
+      "  end }\n"
+      "device { type = 'lua/coils', in_step = true, mounts = { at = 'node', B = 'magnetic', pull = 'gravity', sun = { field = 'light', "
+      "optional = true } },\n"
+      "  outputs = { g = 'm/s^2', light = 'W/m^2' },\n"
+      "  evaluate = function(a)\n"
+      "    return { g = vec.norm(a.pull), light = vec.norm(a.sun), at = { moment = vec.cross({ 10, -20, 5 }, a.B) } }\n"
+      "  end }\n"
+      "local sat = vehicle 'vehicle.yaml'\n"
+      "for _, b in ipairs { 'one', 'other' } do\n"
+      "  initial { [b] = { position = { 6878e3, 0, 0 }, velocity = { 0, 5400, 5400 }, rate = { 0.01, 0.02, -0.01 } } }\n"
+      "end\n"
+      "mission { duration = 300 }\n"
+      "local coils, start = sat:device 'coils', sat:device('coils_of_script'):get 'g'\n"
+      "controller { name = 'moments', period = 10, step = function() coils:set('moment_x', 10) coils:set('moment_y', -20) "
+      "coils:set('moment_z', 5) end }\n"
+      "local function apart(what)\n"
+      "  local a, b = { sat:body('one')[what](sat:body 'one') }, { sat:body('other')[what](sat:body 'other') }\n"
+      "  return vec.norm(vec.sub(a, b))\n"
+      "end\n"
+      "check { name = 'position', unit = 'm', value = function() return apart 'position' end, equal = { 0 } }\n"
+      "check { name = 'rate', unit = 'rad/s', value = function() return apart 'rate' end, equal = { 0 } }\n"
+      "check { name = 'turned', unit = 'rad/s', value = function() return vec.norm { sat:body('one'):rate() } end, above = 0.026 }\n"
+      "check { name = 'pull', unit = 'm/s^2', value = function() return start end, equal = { 3.986004418e14 / 6878e3 ^ 2 * (1 + 1.5 * "
+      "1.08262982e-3 * (6378.137 / 6878) ^ 2), tolerance = 1e-12 } }\n");
+  const Finished done = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+  EXPECT_EQ(done.exit_code, 0) << done.out << done.err << (done.err.empty() ? file_text(dir / "out/summary.json") : "");
+  EXPECT_TRUE(has(run_program({"describe", "."}, dir.path()).out, "read by drag, drag_of_script"));
+}
+
 TEST(ScriptDevices, ThatAreNotPureAreRefused) {
   const struct {
     const char *device, *told;
@@ -106,6 +164,14 @@ TEST(ScriptDevices, ThatAreNotPureAreRefused) {
        "did you mean \"count\""},
       {"device { type = 'lua/x', in_step = true, mounts = { at = 'hinge' }, evaluate = function(a) return { force = 1 } end }",
        "numbers of at"},
+      {"device { type = 'lua/x', mounts = { air = 'density' }, tick = function(a) return {} end }",
+       "a field beside a mount that is a node, where it is read"},
+      {"device { type = 'lua/x', mounts = { a = 'node', b = 'node', air = 'density' }, tick = function(a) return {} end }",
+       "{field = ..., at = the node where it is read}: a or b"},
+      {"device { type = 'lua/x', mounts = { a = 'node', air = { field = 'densitiy' } }, tick = function(a) return {} end }",
+       "did you mean \"density\""},
+      {"device { type = 'lua/x', in_step = true, mounts = { a = 'node', air = 'density' }, evaluate = function(a) return { air = 1 } end }",
+       "numbers of a"},
       {"device { type = 'lua/x', inputs = { u = 1 }, outputs = { u = 1 }, tick = function(a) return { u = 1 } end }", "a name of its own"}};
   for (const auto& c : cases) {
     const TemporaryFolder dir;
