@@ -32,6 +32,8 @@ SystemSpec with(SystemSpec spec, const Model& bare, const cardan_device_family& 
     else if (family.mounts[k].kind == CARDAN_MOUNT_FIELD && family.mounts[k].use == CARDAN_DENSITY)
       spec.fields.push_back(
           {"air", "exponential_atmosphere", {{"density", {1.0, {}}}, {"height", {-7e6, {}}}, {"lowest", {-7e6, {}}}}, false, {}});
+    else if (family.mounts[k].kind == CARDAN_MOUNT_FIELD && family.mounts[k].use == CARDAN_LIGHT)
+      spec.fields.push_back({"sun", "sunlight", {{"direction", {std::vector<double>{0.0, 0.6, 0.8}, {}}}}, false, {}});
   for (int i = 0; i < count; ++i) {
     DeviceSpec d;
     d.name = fmt::format("{}_{}", family.type, i);

@@ -18,14 +18,16 @@ const cardan_device_family& tape_spring_family();
 const cardan_device_family& latch_family();
 const cardan_device_family& contact_family();
 const cardan_device_family& drag_family();
+const cardan_device_family& radiation_pressure_family();
 const cardan_device_family& pulse_modulator_family();
 const cardan_device_family& pulsed_thruster_family();
 
 void register_devices(Registry& registry) {
   register_fields(registry);
-  for (const auto family : {spring_damper_family, lugre_friction_family, momentum_wheel_family, imu_family, integrating_imu_family,
-                            dry_friction_family, tank_family, thruster_family, magnetorquer_family, dc_motor_family, tape_spring_family,
-                            latch_family, contact_family, drag_family, pulse_modulator_family, pulsed_thruster_family})
+  for (const auto family :
+       {spring_damper_family, lugre_friction_family, momentum_wheel_family, imu_family, integrating_imu_family, dry_friction_family,
+        tank_family, thruster_family, magnetorquer_family, dc_motor_family, tape_spring_family, latch_family, contact_family, drag_family,
+        radiation_pressure_family, pulse_modulator_family, pulsed_thruster_family})
     registry.devices.add(family());
 }
 

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include "plugins/fields/planet.hpp"
@@ -40,8 +41,11 @@ struct Harmonics {
     for (Eigen::Index i = 0; i < rows.cols(); ++i) {
       const double n = rows(0, i), m = rows(1, i);
       if (n != std::floor(n) || m != std::floor(m) || n < least || n > kMostDegree || m < 0.0 || m > n) {
-        params.fail("coefficients", least == 0 ? "rows of a degree n from 0 to 360 and an order m from 0 to n"
-                                               : "rows of a degree n from 1 to 360 and an order m from 0 to n");
+        const std::string got = "n = " + told(n) + ", m = " + told(m) + " in row " + std::to_string(i + 1);
+        params.fail("coefficients",
+                    least == 0 ? "rows of a degree n from 0 to 360 and an order m from 0 to n"
+                               : "rows of a degree n from 1 to 360 and an order m from 0 to n",
+                    got.c_str());
         return {};
       }
       if (n > degree) continue;
@@ -50,11 +54,16 @@ struct Harmonics {
     }
     std::ranges::sort(all, {}, [](const Coefficient& c) { return std::pair(c.m, c.n); });
     const auto same = [](const Coefficient& a, const Coefficient& b) { return a.n == b.n && a.m == b.m; };
-    if (std::ranges::adjacent_find(all, same) != all.end()) {
-      params.fail("coefficients", "each degree and order once");
+    if (const auto twice = std::ranges::adjacent_find(all, same); twice != all.end()) {
+      const std::string got = "n = " + std::to_string(twice->n) + ", m = " + std::to_string(twice->m) + " twice";
+      params.fail("coefficients", "each degree and order once", got.c_str());
       return {};
     }
     return all;
+  }
+
+  static std::string told(double x) {
+    return x == std::floor(x) && std::abs(x) < 1e9 ? std::to_string(std::llround(x)) : std::to_string(x);
   }
 
   static std::uint64_t bytes(const std::vector<Coefficient>& sorted) {

@@ -26,6 +26,7 @@ struct Entry {
   std::string beside{};     // a type that it works with, as "other"
   std::string direction{};  // a parameter that is a direction
   std::vector<std::pair<std::string, std::string>> choices{};
+  std::vector<std::string> truths{};  // that are true
 };
 using Input = DeviceSpec::Input;
 
@@ -59,6 +60,8 @@ const std::map<std::string, Entry>& entries() {
       {"momentum_wheel", {{{"inertia", 0.05}, {"viscous", 0.01}}, {{"momentum", 0.8}}, {{"torque", Input{0.05, {}}}}, 0.0, "", "axis"}},
       {"pulsed_thruster", {{{"bit", 0.5}, {"scatter", 0.1}}, {}, {{"fire", Input{1.0, {}}}}, 20.0, "", "direction"}},
       {"pulse_modulator", {{{"minimum", 0.01}}, {}, {{"command", Input{0.4, {}}}}, 10.0, "thruster"}},
+      {"radiation_pressure",
+       {{{"area", 1e6}, {"specular", 0.4}, {"diffuse", 0.3}}, {}, {}, 0.0, "", "normal", {{"shape", "plate"}}, {"both_sides"}}},
       {"spring_damper", {{{"stiffness", 20.0}, {"rest", 0.3}, {"damping", 1.0}}}},
       {"tank",
        {{{"radius", 0.2}, {"density", 1000.0}, {"pressure", 20.0}, {"loaded", 2.0}},
@@ -120,7 +123,10 @@ SystemSpec vehicle(int level) {
     air.params[key] = number(x);
   FieldSpec wind;
   wind.name = "wind", wind.type = "co_rotating_wind", wind.params["rate"] = number(0.3);
-  spec.fields = {earth, air, wind};
+  FieldSpec sun;
+  sun.name = "sun", sun.type = "sunlight", sun.params["radius"] = number(0.0);
+  sun.params["direction"].value = std::vector<double>{0.6, 0.0, 0.8};
+  spec.fields = {earth, air, wind, sun};
   return spec;
 }
 
@@ -130,6 +136,7 @@ DeviceSpec mounted(const std::string& name, const std::string& type, const Place
   for (const auto& [key, x] : e.initial) d.initial[key] = number(x);
   d.inputs = e.inputs, d.rate = e.rate;
   for (const auto& [key, choice] : e.choices) d.params[key].value = choice;
+  for (const std::string& key : e.truths) d.params[key].value = true;
   if (!e.direction.empty()) d = with_vector(d, e.direction, Vector3d(1, 2, -2) / 3.0);
   const cardan_device_family& f = *registry().device(type);
   int nodes = 0;
@@ -139,7 +146,8 @@ DeviceSpec mounted(const std::string& name, const std::string& type, const Place
     if (m.kind == CARDAN_MOUNT_NODE) target = nodes++ == 0 ? place.node : place.name == "tip" ? "hand" : "head";
     if (m.kind == CARDAN_MOUNT_HINGE) target = place.hinge;
     if (m.kind == CARDAN_MOUNT_MASS) target = place.body;
-    if (m.kind == CARDAN_MOUNT_FIELD) target = m.use == CARDAN_MAGNETIC ? "earth" : m.use == CARDAN_DENSITY ? "air" : "wind";
+    if (m.kind == CARDAN_MOUNT_FIELD)
+      target = m.use == CARDAN_MAGNETIC ? "earth" : m.use == CARDAN_DENSITY ? "air" : m.use == CARDAN_LIGHT ? "sun" : "wind";
   }
   return d;
 }

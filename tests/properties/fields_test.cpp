@@ -458,6 +458,34 @@ TEST(FieldsOfDevices, DragKnowsAirThatTurnsWithItsPlanet) {
   EXPECT_NEAR(orbiting.y() / (-0.5 * rho * 2.0 * 3.0 * std::pow(7600.0 - omega * r, 2) / 100.0), 1.0, 1e-12);
 }
 
+/// A sphere takes E A C_R / c along the light; a plate what falls on it, and what it throws back.
+TEST(FieldsOfDevices, LightPressesOnSpheresAndPlates) {
+  const double E = 1361.0, c = 299792458.0, A = 3.0;
+  const Vector3d towards = Vector3d(0.3, -0.5, 0.8).normalized(), n = Vector3d(-0.2, 0.4, 0.7).normalized();
+  const auto force = [&](std::vector<std::pair<std::string, double>> numbers, const Vector3d& normal, bool plate = true,
+                         bool both = false) {
+    SystemSpec spec = system({satellite(7e6, {0, 0, 0})});
+    FieldSpec sun = field("sun", "sunlight", {{"irradiance", E}, {"radius", 0.0}});
+    sun.params["direction"].value = std::vector<double>{towards.x(), towards.y(), towards.z()};
+    spec.fields = {sun};
+    numbers.emplace_back("area", A);
+    spec.devices = {device("pressure", "radiation_pressure", numbers, {{"at", "bus"}})};
+    spec.devices[0].params["shape"].value = std::string(plate ? "plate" : "sphere");
+    spec.devices[0].params["both_sides"].value = both;
+    const Vector3d of_body = quaternion(spec.bodies[0].hinge.q.data()).inverse() * normal;
+    spec.devices[0].params["normal"].value = std::vector<double>{of_body.x(), of_body.y(), of_body.z()};
+    Simulation sim(compiled(spec), {});
+    return Vector3d(100.0 * sim.vdot().segment<3>(3));
+  };
+  const double P = E / c, s = n.dot(towards), tiny = 1e-14 * P * A;
+  EXPECT_LE((force({{"coefficient", 1.5}}, n, false) + 1.5 * P * A * towards).norm(), tiny);
+  EXPECT_LE((force({}, n) + P * A * s * towards).norm(), tiny);
+  EXPECT_LE((force({{"specular", 1.0}}, n) + 2.0 * P * A * s * s * n).norm(), tiny);
+  EXPECT_LE((force({{"diffuse", 1.0}}, n) + P * A * s * (towards + 2.0 / 3.0 * n)).norm(), tiny);
+  EXPECT_EQ(force({{"specular", 0.4}}, -n).norm(), 0.0);
+  EXPECT_LE((force({{"specular", 0.4}, {"diffuse", 0.3}}, -n, true, true) - force({{"specular", 0.4}, {"diffuse", 0.3}}, n)).norm(), tiny);
+}
+
 /// U by Legendre polynomials of another hand; that the pull is its slope is a law of fields.
 TEST(ZonalHarmonics, HaveThePotentialOfTheirSeries) {
   const cardan_field_family& f = *registry().field("zonal_harmonics");
