@@ -458,5 +458,43 @@ TEST(KovalevskayaTop, KeepsTheFourthIntegral) {
   expect_within("fourth integral", off, ref.tolerance("integral_rel"));
 }
 
+/// The far end of the spring is a carriage that is driven, ten metres ahead.
+TEST(LuGreFriction, SticksAndSlipsAsAnotherProgramSays) {
+  const Published ref("rigid-lugre-stick-slip");
+  const auto of = [&](const char* name) { return ref.model()[name].as<double>(); };
+  const double ahead = 10.0, drawn = of("drawn_at_ms");
+  BodySpec block = on(particle("block", of("mass_kg"), Eigen::Vector3d::Zero()), "", "prismatic", {X});
+  BodySpec carriage = on(particle("carriage", 1.0, Eigen::Vector3d::Zero()), "", "prismatic", {X}, ahead * X);
+  carriage.hinge.v = {drawn}, carriage.hinge.prescribed = {0};
+  SystemSpec spec = system({block, carriage});
+  DeviceSpec friction, spring;
+  friction.name = "friction", friction.type = "lugre_friction", friction.mounts["at"] = {"block", {}};
+  for (const auto& [key, x] : {std::pair("coulomb", of("coulomb_N")),
+                               {"breakaway", of("breakaway_N")},
+                               {"stribeck_rate", of("stribeck_ms")},
+                               {"stiffness", of("sigma_0")},
+                               {"damping", of("sigma_1")},
+                               {"viscous", of("sigma_2")}})
+    friction.params[key].value = x;
+  spring.name = "spring", spring.type = "spring_damper", spring.mounts["from"] = {"block", {}}, spring.mounts["to"] = {"carriage", {}};
+  spring.params["stiffness"].value = of("spring_N_m"), spring.params["rest"].value = ahead;
+  spec.devices = {friction, spring};
+  const auto sim = run_of(spec, "cvode_bdf", 1e-11);
+  sim->prescribe(1, MotionProfile::hold(drawn));
+  std::vector<double> places;
+  double top = 0.0;
+  const auto slips = crossings(
+      *sim, +1, [](const double*, const double* v) { return v[0] - 0.05; }, [&] { places.push_back(sim->state().q[0]); });
+  sim->every({1, 1000}, [&] { top = std::max(top, sim->state().v[0]); });
+  sim->run(28.0);
+  ASSERT_EQ(slips->size(), 4U);
+  expect_absolute("first slip [s]", slips->front(), ref.number("speed passes"), ref.tolerance("time_s"));
+  for (std::size_t i = 1; i < slips->size(); ++i) {
+    expect_absolute("cycle [s]", (*slips)[i] - (*slips)[i - 1], ref.number("cycle"), ref.tolerance("time_s"));
+    expect_absolute("travel of a cycle [m]", places[i] - places[i - 1], ref.number("travel"), ref.tolerance("travel_m"));
+  }
+  expect_absolute("top speed [m/s]", top, ref.number("top speed"), ref.tolerance("speed_ms"));  // between looks 1e-7 of it
+}
+
 }  // namespace
 }  // namespace cardan::test

@@ -319,6 +319,43 @@ TEST(DraglessSphere, FallsToTheRotatingEarthAsSixProgramsSay) {
   expect_absolute("longitude [deg]", longitude, ref.number("longitude at 30 s"), ref.tolerance("longitude_deg"));
 }
 
+/// Eight hours of the program of the Johnson Space Center: torque of the gravity gradient, or a push of a thousand seconds.
+TEST(OrbitsOfJEOD, TurnUnderTheTorqueOfGravityAndUnderAPush) {
+  const Published ref("orbit-jeod-torques");
+  for (const std::string run : {"run_10A", "run_10D", "run_9C"}) {
+    const bool pushed = run == "run_9C";
+    const YAML::Node station = ref.model()["station"], J = station["inertia_kgm2"], start = ref.initial()[run];
+    const auto of = [&](const char* name) { return J[name].as<double>(); };
+    Matrix3d inertia = diagonal(Published::as_vector(ref.model()["cylinder_kgm2"]));
+    if (pushed) inertia << of("xx"), of("xy"), of("xz"), of("xy"), of("yy"), of("yz"), of("xz"), of("yz"), of("zz");
+    const VectorXd T = Published::as_vector(start["T_inertial_to_body"]);
+    const Eigen::Quaterniond q(Eigen::Map<const Matrix3d>(T.data()));  // by columns: body to inertial
+    BodySpec body = on(rigid("body", pushed ? station["mass_kg"].as<double>() : 12250.0, Vector3d::Zero(), inertia), "", "free");
+    body.hinge.q = joined(Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()), Published::as_vector(start["r_m"]));
+    body.hinge.v = joined(Published::as_vector(start["omega_body_rads"]), Published::as_vector(start["v_ms"]));
+    NodeSpec middle;
+    middle.name = "middle";
+    body.nodes = {middle};
+    const auto sim = run_of(system({body}, central_gravity(ref.model()["mu_m3s2"].as<double>(), !pushed)), "dop853");
+    if (pushed) {
+      const int load = sim->add_wrench(0, false);
+      sim->run(1000.0);
+      sim->set_wrench(load, {{10.0, 0.0, 0.0}, {10.0, 0.0, 0.0}});
+      sim->run(2000.0);
+      sim->set_wrench(load, {});
+    }
+    sim->run(run == "run_10D" ? 28680.0 : 28800.0);
+    const State& s = sim->state();
+    expect_vector(run + " position [m]", s.q.tail<3>(), ref.vector(run + " position"), ref.tolerance("position_m"));
+    const VectorXd omega = ref.vector(run + " omega");
+    expect_vector(run + " rate [rad/s]", VectorXd(s.v.head<3>().tail(omega.size())), omega, ref.tolerance("omega_rads"));
+    if (run != "run_10D") {
+      const Vector3d row = quaternion(s.q.data()).toRotationMatrix().col(0);
+      expect_vector(run + " first row of T", row, ref.vector(run + " first row of T"), ref.tolerance("row"));
+    }
+  }
+}
+
 // Osculating elements swing about the mean ones, of which the case speaks: the start is beside them by what the theory of first order says
 // of the semi-major axis (Kaula 1966), and drifts are taken over whole revolutions from one ascending node to the next.
 TEST(OblatePlanet, TurnsOrbitsAtTheSecularRates) {
