@@ -87,22 +87,28 @@ void pull(const GravityField& g, const FieldMoment* at, const double* body, doub
   out[3] = SG(1, 2) - SG(2, 1), out[4] = SG(2, 0) - SG(0, 2), out[5] = SG(0, 1) - SG(1, 0);
   std::copy_n(G, 9, out + 6);
   for (int i = 0; i < 9; ++i) out[15] -= 0.5 * G[i] * S[i];
-  // 1/2 sum of d^2 a_i / dr_j dr_k S_jk, by differences of G.
+  // 1/2 sum of d^2 a_i / dr_j dr_k S_jk, by differences of G along axis j of what stands with d/dr_j: mixed derivatives once, along the
+  // first of their axes. Where a has neither sources nor curl, its Laplacian is 0, so S less S_zz is as good: nothing is left along z.
   const double h = kSmall * length_of(values, G);
   if (!std::isfinite(h) || !(h > 0.0)) return;
+  const unsigned facts = g.source->family->facts;
+  const bool harmonic = (facts & CARDAN_FIELD_SOURCE_FREE) != 0 && (facts & (CARDAN_FIELD_CURL_FREE | CARDAN_FIELD_POTENTIAL)) != 0;
+  const double less = harmonic ? S[8] : 0.0;
+  const double along[9] = {S[0] - less, 2.0 * S[1], 2.0 * S[2], 0.0, S[4] - less, 2.0 * S[5], 0.0, 0.0, S[8]};
+  const int axes = harmonic ? 2 : 3;
   double points[18], there[6 * kValues], slopes[6 * kGradients];
-  for (int j = 0; j < 3; ++j)
+  for (int j = 0; j < axes; ++j)
     for (const int side : {0, 1}) {
       double* p = points + 3 * (2 * j + side);
       std::copy_n(x, 3, p);
       p[j] += side == 0 ? h : -h;
     }
-  if (!ask(*g.source, at, 6, points, there, slopes)) return;  // at the very end of what it knows: to first order
-  for (int j = 0; j < 3; ++j) {
+  if (!ask(*g.source, at, 2 * axes, points, there, slopes)) return;  // at the very end of what it knows: to first order
+  for (int j = 0; j < axes; ++j) {
     const double *up = slopes + kGradients * (2 * j), *down = up + kGradients;
     const double width = points[6 * j + j] - points[6 * j + 3 + j];  // as it came out in doubles
     for (int i = 0; i < 3; ++i)
-      for (int k = 0; k < 3; ++k) out[i] += 0.5 * (up[3 * i + k] - down[3 * i + k]) / width * S[3 * j + k];
+      for (int k = 0; k < 3; ++k) out[i] += 0.5 * (up[3 * i + k] - down[3 * i + k]) / width * along[3 * j + k];
   }
 }
 

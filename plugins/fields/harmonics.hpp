@@ -13,6 +13,9 @@
 
 namespace cardan {
 
+/// Of C and S.
+using Pair [[gnu::vector_size(16), gnu::aligned(8)]] = double;
+
 struct Coefficient {
   int n = 0, m = 0;
   double C = 0.0, S = 0.0, C_rate = 0.0, S_rate = 0.0;  // rates [1/s]
@@ -20,7 +23,8 @@ struct Coefficient {
 
 /// One of a column: its recursion P_n = alpha u P_n-1 - beta P_n-2, and its coefficients.
 struct Term {
-  double alpha, beta, C, S, C_rate, S_rate;
+  double alpha, beta;
+  Pair CS, rates;
 };
 /// All terms of an order that are there, from degree m to `last`.
 struct Order {
@@ -94,7 +98,7 @@ struct Harmonics {
         const Coefficient c = given ? sorted[next++] : Coefficient{};
         const double alpha = n > m ? std::sqrt((2 * N + 1) * (2 * N - 1) / ((N - M) * (N + M))) : 0.0;
         const double beta = n > m + 1 ? std::sqrt((2 * N + 1) * (N + M - 1) * (N - M - 1) / ((2 * N - 3) * (N + M) * (N - M))) : 0.0;
-        new (at) Term{alpha, beta, c.C, c.S, c.C_rate, c.S_rate};
+        new (at) Term{alpha, beta, Pair{c.C, c.S}, Pair{c.C_rate, c.S_rate}};
       }
       ++orders;
     }
@@ -125,21 +129,19 @@ struct Harmonics {
         re[0] = near * (up[0] * x - up[1] * im[0]), im[0] = near * (up[0] * im[0] + up[1] * x);
       }
       const auto m = static_cast<double>(order.m);
-      Sums c{}, s{};
-      column<SECOND>(order, terms, near, u, since, c, s);
-      // What is (re, im)^m here is, by their derivatives, m (re, im)^(m-1) along x and m (-im, re)^(m-1) along y.
-      value += c.P * re[0] + s.P * im[0];
-      const double C = c.along(m, u), S = s.along(m, u);
-      along -= C * re[0] + S * im[0];
-      moved += Eigen::Vector3d(m * (c.P * re[1] + s.P * im[1]), m * (s.P * re[1] - c.P * im[1]), c.D * re[0] + s.D * im[0]);
+      const Sums sums = column<SECOND>(order, terms, near, u, since);
+      // What is (re, im)^m here is, by its derivatives, m (re, im)^(m-1) along x and m (-im, re)^(m-1) along y.
+      const auto here = [&](const Pair& x) { return x[0] * re[0] + x[1] * im[0]; };
+      const auto aside = [&](const Pair& x) -> Eigen::Vector2d {
+        return m * Eigen::Vector2d(x[0] * re[1] + x[1] * im[1], x[1] * re[1] - x[0] * im[1]);
+      };
+      const Pair W = sums.along(m, u);
+      value += here(sums.P), along -= here(W);
+      moved.head<2>() += aside(sums.P), moved[2] += here(sums.D);
       if constexpr (SECOND) {
-        const double C_u = c.along_slope(m, u), S_u = s.along_slope(m, u);
-        along_twice += c.along_twice(m, u) * re[0] + s.along_twice(m, u) * im[0];
-        along_axis -= C_u * re[0] + S_u * im[0];
-        axis_twice += c.E * re[0] + s.E * im[0];
-        with_up -= Eigen::Vector3d(m * (C * re[1] + S * im[1]), m * (S * re[1] - C * im[1]), 0.0);
-        with_axis += Eigen::Vector3d(m * (c.D * re[1] + s.D * im[1]), m * (s.D * re[1] - c.D * im[1]), 0.0);
-        plane += m * (m - 1.0) * (c.P * re[2] + s.P * im[2]), across += m * (m - 1.0) * (s.P * re[2] - c.P * im[2]);
+        along_twice += here(sums.along_twice(m, u)), along_axis -= here(sums.along_slope(m, u)), axis_twice += here(sums.E);
+        with_up.head<2>() -= aside(W), with_axis.head<2>() += aside(sums.D);
+        plane += m * (m - 1.0) * (sums.P[0] * re[2] + sums.P[1] * im[2]), across += m * (m - 1.0) * (sums.P[1] * re[2] - sums.P[0] * im[2]);
       }
     }
     phi = value / r;
@@ -158,15 +160,16 @@ struct Harmonics {
  private:
   /// Sums over a column, each (a/r)^(n-m) times P, its slope D and its second derivative E along u, with the degree n and its square.
   struct Sums {
-    double P, nP, D, nnP, nD, E;
+    Pair P, nP, D, nnP, nD, E;
     /// -r d/dr of r^-(m+1) times the first sum, u = z/r, z held; its slope along u; what stands with r^ r^*.
-    double along(double m, double u) const { return (m + 1.0) * P + nP + u * D; }
-    double along_slope(double m, double u) const { return (m + 2.0) * D + nD + u * E; }
-    double along_twice(double m, double u) const { return (m + 3.0) * along(m, u) + (m + 1.0) * nP + nnP + u * nD + u * along_slope(m, u); }
+    Pair along(double m, double u) const { return (m + 1.0) * P + nP + u * D; }
+    Pair along_slope(double m, double u) const { return (m + 2.0) * D + nD + u * E; }
+    Pair along_twice(double m, double u) const { return (m + 3.0) * along(m, u) + (m + 1.0) * nP + nnP + u * nD + u * along_slope(m, u); }
   };
 
   template <bool SECOND>
-  static void column(const Order& order, const Term* terms, double near, double u, double since, Sums& c, Sums& s) noexcept {
+  static Sums column(const Order& order, const Term* terms, double near, double u, double since) noexcept {
+    Sums sums{};
     double P = order.sectoral, D = 0.0, E = 0.0, P_before = 0.0, D_before = 0.0, E_before = 0.0;
     for (std::int64_t n = order.m; n <= order.last; ++n) {
       const Term& term = terms[n - order.m];
@@ -179,13 +182,12 @@ struct Harmonics {
         }
         P_before = P, P = P_next, D_before = D, D = D_next;
       }
-      const double C = term.C + since * term.C_rate, S = term.S + since * term.S_rate, nP = static_cast<double>(n) * P;
-      c.P += C * P, s.P += S * P, c.nP += C * nP, s.nP += S * nP, c.D += C * D, s.D += S * D;
-      if constexpr (SECOND) {
-        const double nnP = static_cast<double>(n) * nP, nD = static_cast<double>(n) * D;
-        c.nnP += C * nnP, s.nnP += S * nnP, c.nD += C * nD, s.nD += S * nD, c.E += C * E, s.E += S * E;
-      }
+      const double degree = static_cast<double>(n), nP = degree * P;
+      const Pair CS = term.CS + since * term.rates;
+      sums.P += CS * P, sums.nP += CS * nP, sums.D += CS * D;
+      if constexpr (SECOND) sums.nnP += CS * (degree * nP), sums.nD += CS * (degree * D), sums.E += CS * E;
     }
+    return sums;
   }
 };
 
