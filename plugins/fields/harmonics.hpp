@@ -174,10 +174,11 @@ struct Harmonics {
     for (std::int64_t n = order.m; n <= order.last; ++n) {
       const Term& term = terms[n - order.m];
       if (n > order.m) {
-        const double alpha = near * term.alpha, beta = near * near * term.beta;
-        const double P_next = alpha * (u * P) - beta * P_before, D_next = alpha * (P + u * D) - beta * D_before;
+        // One product and one sum behind another from degree to degree: the rest does not wait.
+        const double alpha = near * term.alpha, alpha_u = alpha * u, beta = near * near * term.beta;
+        const double P_next = alpha_u * P - beta * P_before, D_next = alpha_u * D + (alpha * P - beta * D_before);
         if constexpr (SECOND) {
-          const double E_next = alpha * (2.0 * D + u * E) - beta * E_before;
+          const double E_next = alpha_u * E + (2.0 * alpha * D - beta * E_before);
           E_before = E, E = E_next;
         }
         P_before = P, P = P_next, D_before = D, D = D_next;
