@@ -34,6 +34,7 @@ struct MagneticHarmonics {
       TurningPlanet::rate_desc,
       TurningPlanet::axis_desc,
       TurningPlanet::meridian_desc,
+      TurningPlanet::epoch_desc,
       TurningPlanet::centre_desc};
 
   static std::optional<std::vector<Coefficient>> read(const Params& params) {

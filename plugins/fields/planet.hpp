@@ -3,10 +3,39 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 #include <cmath>
+#include <cstdio>
+#include <numbers>
+#include <optional>
+#include <string_view>
 
 #include "core/abi/field_family.hpp"
 
 namespace cardan {
+
+/// Days from 2000 January 1, 12 h, whole and the rest of one, of "2026-11-26T12:00:00" (a fraction of seconds and Z may follow).
+struct Days {
+  double whole, part;
+  static std::optional<Days> of(const char* text) {
+    int year = 0, month = 0, day = 0, hour = 0, minute = 0, end = 0;
+    double second = 0.0;
+    if (std::sscanf(text, "%4d-%2d-%2dT%2d:%2d:%lf%n", &year, &month, &day, &hour, &minute, &second, &end) != 6) return {};
+    if (std::string_view(text + end) != "" && std::string_view(text + end) != "Z") return {};
+    const bool leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
+    const int days[] = {31, leap ? 29 : 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31};
+    if (year < 1900 || year > 2200 || month < 1 || month > 12 || day < 1 || day > days[month - 1] || hour < 0 || hour > 23 || minute < 0 ||
+        minute > 59 || !(second >= 0.0) || !(second < 60.0))
+      return {};
+    const int y = year - (month <= 2), m = month + (month <= 2 ? 12 : 0);                            // a year that begins in March
+    const int since = 365 * y + y / 4 - y / 100 + y / 400 + (153 * (m - 3) + 2) / 5 + day - 730426;  // from 2000 January 1
+    return Days{since - 0.5, (hour + (minute + second / 60.0) / 60.0) / 24.0};
+  }
+};
+
+/// The angle by which the Earth has turned at a time of UT1 [rad] (IAU 2000: Capitaine, Guinot, McCarthy 2000).
+inline double earth_rotation_angle(const Days& ut1) {
+  const double turns = (ut1.whole + ut1.part) * 0.00273781191135448 + 0.7790572732640;
+  return 2.0 * std::numbers::pi * std::fmod(turns + std::fmod(ut1.whole, 1.0) + ut1.part, 1.0);
+}
 
 /// A planet that turns about its axis at a constant rate: where it is, and its axes at t = 0, columns in world axes: along the prime
 /// meridian, east of it, along the axis.
@@ -28,6 +57,8 @@ struct TurningPlanet {
       0,
       nullptr,
       nullptr};
+  static constexpr cardan_param_desc epoch_desc = param::optional(
+      "epoch", CARDAN_TEXT, "1", "UT1 of t = 0, 2026-11-26T12:00:00: longitude 0 of Earth is then its rotation angle ahead of `meridian`");
   static constexpr cardan_param_desc rate_desc =
       param::required("rate", CARDAN_NUMBER, "rad/s", "of the planet about its axis: 7.292115e-5 of Earth, 0 of one that does not turn");
 
@@ -35,8 +66,14 @@ struct TurningPlanet {
     const Eigen::Vector3d c = params.vector("centre"), k = params.vector("axis"), m = params.vector("meridian");
     const Eigen::Vector3d across = m - m.dot(k) * k;
     if (across.norm() < 1e-6) return params.fail("meridian", "a direction that is not along `axis`");
+    double ahead = 0.0;
+    if (const char* epoch = params.text("epoch")) {
+      const auto days = Days::of(epoch);
+      if (!days) return params.fail("epoch", "a date and a time of day from 1900 to 2200: 2026-11-26T12:00:00");
+      ahead = earth_rotation_angle(*days);
+    }
     Eigen::Map<Eigen::Matrix3d> columns(axes);
-    columns.col(0) = across.normalized(), columns.col(1) = k.cross(columns.col(0)), columns.col(2) = k;
+    columns.col(0) = Eigen::AngleAxisd(ahead, k) * across.normalized(), columns.col(1) = k.cross(columns.col(0)), columns.col(2) = k;
     Eigen::Map<Eigen::Vector3d> to(centre);
     to = c;
     rate = params.number("rate");

@@ -27,6 +27,7 @@ struct SphericalHarmonics {
       TurningPlanet::rate_desc,
       TurningPlanet::axis_desc,
       TurningPlanet::meridian_desc,
+      TurningPlanet::epoch_desc,
       TurningPlanet::centre_desc};
 
   static std::optional<std::vector<Coefficient>> read(const Params& params) {
