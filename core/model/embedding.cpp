@@ -158,6 +158,7 @@ class Embedder {
       place_numbers();
       if (!write_steps()) continue;
       place_side_by_side();
+      place_rows_side_by_side();
       return std::move(e_);
     }
   }
@@ -824,6 +825,69 @@ class Embedder {
       steps.push_back(std::move(all));
     }
     e_.steps = std::move(steps);
+  }
+  /// Loops closed one behind the other whose ways are alike.
+  void place_rows_side_by_side() {
+    const std::size_t loops = e_.loops.size();
+    for (std::size_t l = 0; l < loops;) {
+      std::size_t same = l;
+      while (same < loops && is_found_side_by_side(e_.loops[same]) && are_alike(e_.loops[l], e_.loops[same])) ++same;
+      const auto n = static_cast<std::size_t>(alike(static_cast<std::ptrdiff_t>(same - l)));
+      if (n > 1) e_.alike_rows.push_back(rows_side_by_side(l, n));
+      for (std::size_t half = 0; n == 4 && half < 2; ++half) {
+        e_.alike_rows.push_back(rows_side_by_side(l + 2 * half, 2));
+        e_.alike_rows.back().half = true;
+      }
+      l += n;
+    }
+  }
+  /// By ends that meet; nobody else asks for what is found of the bodies on its way.
+  bool is_found_side_by_side(const EmbeddedLoop& c) const {
+    const bool meets = c.closing == Closing::point || c.closing == Closing::line || c.closing == Closing::plane;
+    if (!meets || !c.by_rates || c.from_node >= 0 || c.to_node >= 0 || c.deforms || c.home_modes >= 0) return false;
+    if (c.path.size() > AlikeRows::kMostBodies || c.rows * c.own_columns > AlikeRows::kMostNumbers) return false;
+    return std::ranges::all_of(c.path, [&](const EmbeddedLoop::PathBody& p) {
+      if (p.seen) return true;
+      const BodyKernel kind = m_.bodies[at(p.body)].kind;
+      if (!p.shifts && (!is_axis(kind) || kind == BodyKernel::rotor)) return false;
+      return std::ranges::none_of(e_.loops, [&](const EmbeddedLoop& other) {
+        return std::ranges::any_of(other.path, [&](const EmbeddedLoop::PathBody& x) { return x.seen && x.state == p.state; });
+      });
+    });
+  }
+  bool are_alike(const EmbeddedLoop& a, const EmbeddedLoop& b) const {
+    if (a.closing != b.closing || a.own_columns != b.own_columns || a.from_at != b.from_at || a.to_at != b.to_at) return false;
+    return std::ranges::equal(a.path, b.path, [&](const EmbeddedLoop::PathBody& x, const EmbeddedLoop::PathBody& y) {
+      if (x.inboard != y.inboard || x.column != y.column || x.sign != y.sign || x.seen != y.seen) return false;
+      return x.seen ? x.state == y.state : x.shifts == y.shifts && m_.bodies[at(x.body)].kind == m_.bodies[at(y.body)].kind;
+    });
+  }
+  AlikeRows rows_side_by_side(std::size_t first, std::size_t n) const {
+    AlikeRows out;
+    out.first = static_cast<int>(first), out.n = static_cast<int>(n);
+    out.bodies.resize(e_.loops[first].path.size());
+    for (int i = 0; i < out.n; ++i) {
+      const EmbeddedLoop& c = e_.loops[first + at(i)];
+      const auto set = [i](double(*to)[AlikeRows::kMost], const Vec3<double>& x) { to[0][i] = x.x, to[1][i] = x.y, to[2][i] = x.z; };
+      for (std::size_t x = 0; x < c.path.size(); ++x) {
+        const EmbeddedLoop::PathBody& p = c.path[x];
+        if (p.seen) continue;
+        AlikeRows::Body& body = out.bodies[x];
+        const SweepBody& b = m_.bodies[at(p.body)];
+        if (p.shifts) {
+          body.hinges.kind = b.kind, body.hinges.body[i] = p.body, body.hinges.v[i] = b.v;
+          set(body.u, b.axis);
+          continue;
+        }
+        body.hinges.set(i, m_, p.body);
+        const double* r = m_.axis_bodies[at(p.body)].p;
+        set(body.p, {r[0], r[1], r[2]});
+      }
+      const Mat3<double>& R = c.from.R;
+      set(out.from_R, {R.xx, R.xy, R.xz}), set(out.from_R + 3, {R.yx, R.yy, R.yz}), set(out.from_R + 6, {R.zx, R.zy, R.zz});
+      set(out.from_p, c.from.p), set(out.to_p, c.to.p);
+    }
+    return out;
   }
   /// So many of n at a time.
   static long alike(std::ptrdiff_t n) { return n >= 4 ? 4 : n >= 2 ? 2 : 1; }

@@ -138,6 +138,20 @@ struct EmbeddingStep {
   bool after_modes = false;        // close: home is a body without its modes
 };
 
+/// n loops (2 or 4), one closed behind the other, by rates, by ends that meet in as many directions: their ways to both ends are alike,
+/// body by body of one kernel or the very body that loops before have found. Their rows are found side by side.
+struct AlikeRows {
+  static constexpr int kMost = AlikeHinges::kMost, kMostBodies = 8, kMostNumbers = 48;  // of one of them: on its way, in G
+  struct Body {
+    AlikeHinges hinges;                         // of a slide: body and v
+    double p[3][kMost] = {}, u[3][kMost] = {};  // [m] as AxisBody; axis of a slide
+  };
+  int first = 0, n = 0;      // index into Embedding::loops
+  bool half = false;         // as AlikeGears
+  std::vector<Body> bodies;  // of the way; of those found before nothing
+  double from_R[9][kMost] = {}, from_p[3][kMost] = {}, to_p[3][kMost] = {};
+};
+
 struct Embedding {
   std::vector<EmbeddedLoop> loops;  // in the order in which they are closed
   std::vector<Gear> gears;          // tip to base
@@ -147,6 +161,7 @@ struct Embedding {
   std::vector<GearedHinge> geared;   // of more, tip to base
   std::vector<AlikeGears> alike_gears;
   std::vector<AlikeChains> alike_chains;
+  std::vector<AlikeRows> alike_rows;
   std::vector<EmbeddingStep> steps;  // tip to base
   /// Pushes of multipliers on bodies: +1 of the end `from`, -1 of `to`.
   struct Push {

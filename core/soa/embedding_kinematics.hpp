@@ -22,11 +22,11 @@ static constexpr double kSteepOwn = 4.0;       // of rates of a loop alone per o
 static constexpr double kContradicts = 1e-6;   // what a redundant row may lack, relative to the largest gamma_c
 
 /// R <- R R_i(theta): its columns turn in their plane.
-template <int I>
-CARDAN_INLINE void turn_columns(Mat3<double>& R, double c, double s) {
+template <int I, class T>
+CARDAN_INLINE void turn_columns(Mat3<T>& R, const T& c, const T& s) {
   constexpr int J = (I + 1) % 3, K = (I + 2) % 3;
-  const auto row = [&](double& j, double& k) {
-    const double x = j;
+  const auto row = [&](T & j, T & k) __attribute__((always_inline)) {
+    const T x = j;
     j = c * x + s * k;
     k = c * k - s * x;
   };
@@ -34,25 +34,27 @@ CARDAN_INLINE void turn_columns(Mat3<double>& R, double c, double s) {
   row(entry<1, J>(R), entry<1, K>(R));
   row(entry<2, J>(R), entry<2, K>(R));
 }
-template <int I>
-CARDAN_INLINE Vec3<double> column_of(Mat3<double> R) {
+template <int I, class T>
+CARDAN_INLINE Vec3<T> column_of(Mat3<T> R) {
   return {entry<0, I>(R), entry<1, I>(R), entry<2, I>(R)};
 }
 
 /// The axis of an axis body, whose frame is R.
-CARDAN_INLINE Vec3<double> turning_axis(BodyKernel kind, const Mat3<double>& R) {
+template <class T>
+CARDAN_INLINE Vec3<T> turning_axis(BodyKernel kind, const Mat3<T>& R) {
   return kind == BodyKernel::axis_x ? column_of<0>(R) : kind == BodyKernel::axis_y ? column_of<1>(R) : column_of<2>(R);
 }
 
-/// A body that turns about an axis of its own, seen from home: from the body inboard of it.
-template <int I, Tilt TILT>
-CARDAN_INLINE void path_axis(const AxisBody& b, double c, double s, double rate, const PathState& A, PathState& B) {
-  const Vec3<double> r = A.R * Vec3<double>{b.p[0], b.p[1], b.p[2]};
+/// A body that turns about an axis of its own and stands at p, seen from home: from the body inboard of it.
+template <int I, Tilt TILT, class T, class Body>
+CARDAN_INLINE void path_axis(const Body& b, const Vec3<T>& p, const T& c, const T& s, const T& rate, const PathStateOf<T>& A,
+                             PathStateOf<T>& B) {
+  const Vec3<T> r = A.R * p;
   B.R = A.R;
   if constexpr (TILT == Tilt::alpha_beta) turn_columns<2>(B.R, b.cos_alpha, b.sin_alpha);
   if constexpr (TILT != Tilt::none) turn_columns<1>(B.R, b.cos_beta, b.sin_beta);
   turn_columns<I>(B.R, c, s);
-  const Vec3<double> turning = rate * column_of<I>(B.R), wr = cross(A.w, r);
+  const Vec3<T> turning = rate * column_of<I>(B.R), wr = cross(A.w, r);
   B.p = A.p + r;
   B.v = A.v + wr;
   B.a = A.a + cross(A.alpha, r) + cross(A.w, wr);
@@ -87,20 +89,20 @@ static inline void path_any(const SweepModel& model, const Workspace<double>& ws
   B.w = A.w + turning;
 }
 
-/// The same of a slide with the axes of the inboard body.
-static inline void path_shift(const SweepModel& model, const Workspace<double>& ws, const Inputs<double>& in, int k, const PathState& A,
-                              PathState& B) {
-  const SweepBody& b = model.bodies[k];
-  const Vec3<double> r = A.R * ws.X(k).p, wr = cross(A.w, r), sliding = in.v[b.v] * (A.R * b.axis);
+/// The same of a slide along u with the axes of the inboard body.
+template <class T>
+CARDAN_INLINE void path_shift(const Vec3<T>& p, const Vec3<T>& u, const T& rate, const PathStateOf<T>& A, PathStateOf<T>& B) {
+  const Vec3<T> r = A.R * p, wr = cross(A.w, r), sliding = rate * (A.R * u);
   B.R = A.R, B.w = A.w, B.alpha = A.alpha;
   B.p = A.p + r;
   B.v = A.v + wr + sliding;
-  B.a = A.a + cross(A.alpha, r) + cross(A.w, wr + 2.0 * sliding);
+  B.a = A.a + cross(A.alpha, r) + cross(A.w, wr + T(2.0) * sliding);
 }
 
 /// A place on a body seen from home; not `turned`: with the axes of the body.
-static inline PathState place_on(const PathState& s, const Pose<double>& node, bool turned) {
-  const Vec3<double> r = s.R * node.p, wr = cross(s.w, r);
+template <class T>
+static inline PathStateOf<T> place_on(const PathStateOf<T>& s, const Pose<T>& node, bool turned) {
+  const Vec3<T> r = s.R * node.p, wr = cross(s.w, r);
   return {turned ? s.R * node.R : s.R, s.p + r, s.w, s.v + wr, s.alpha, s.a + cross(s.alpha, r) + cross(s.w, wr)};
 }
 /// The same where it deforms with body k (docs/mathematics/flexible.md, 1).
@@ -195,12 +197,14 @@ static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c
     if (is_axis(kind) && kind != BodyKernel::rotor) {
       const AxisBody& b = model.axis_bodies[p.body];
       for_axis(
-          kind, [&]<int I, Tilt TILT>()
-                    __attribute__((always_inline)) { path_axis<I, TILT>(b, ws.cosines[b.angle], ws.sines[b.angle], in.v[b.v], A, B); });
+          kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+            path_axis<I, TILT>(b, Vec3<double>{b.p[0], b.p[1], b.p[2]}, ws.cosines[b.angle], ws.sines[b.angle], in.v[b.v], A, B);
+          });
     } else if (is_general(kind)) {
       path_general(model, ws, in, p.body, A, p.inboard >= 0 ? exits[p.inboard] : of_home[p.sign > 0.0], B);
     } else if (p.shifts) {
-      path_shift(model, ws, in, p.body, A, B);
+      const SweepBody& b = model.bodies[p.body];
+      path_shift(ws.X(p.body).p, b.axis, in.v[b.v], A, B);
     } else {
       path_any(model, ws, in, p.body, A, B);
     }
@@ -290,6 +294,108 @@ static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c
                        for (int i = 0; i < c.rows; ++i)
                          G[i * c.own_columns + c.home_modes + j] += (side ? 1.0 : -1.0) * (dot(W[i].n, turning) + dot(W[i].f, moving));
                      });
+}
+
+/// A vector of each.
+template <class T>
+CARDAN_INLINE Vec3<T> vector_of(const double (*x)[AlikeRows::kMost]) {
+  return {side<T>(x[0]), side<T>(x[1]), side<T>(x[2])};
+}
+/// The same in every lane.
+template <class T>
+CARDAN_INLINE Vec3<T> in_all(const Vec3<double>& x) {
+  return {T(x.x), T(x.y), T(x.z)};
+}
+template <class T>
+CARDAN_INLINE PathStateOf<T> in_all(const PathState& s) {
+  const Mat3<double>& R = s.R;
+  return {{T(R.xx), T(R.xy), T(R.xz), T(R.yx), T(R.yy), T(R.yz), T(R.zx), T(R.zy), T(R.zz)},
+          in_all<T>(s.p),
+          in_all<T>(s.w),
+          in_all<T>(s.v),
+          in_all<T>(s.alpha),
+          in_all<T>(s.a)};
+}
+
+/// geometric_rows of loops side by side, as far as anybody asks: bodies found before are where they were found, in every lane.
+template <class T>
+static void geometric_rows(const SweepModel& model, const Embedding& e, const AlikeRows& all, Workspace<double>& ws, EmbeddingWork& k,
+                           const Inputs<double>& in) {
+  const EmbeddedLoop* loops = e.loops.data() + all.first;
+  const EmbeddedLoop& c = *loops;
+  static const PathState at_rest{Mat3<double>::identity(), {}, {}, {}, {}, {}};
+  union Found {
+    CARDAN_INLINE Found() {}  // nothing is written before it is found
+    PathStateOf<T> s;
+  } found[AlikeRows::kMostBodies], before;
+  const int bodies = static_cast<int>(c.path.size());
+  const auto state_at = [&](int i) __attribute__((always_inline))->const PathStateOf<T>& {
+    const EmbeddedLoop::PathBody* p = i < 0 ? nullptr : &c.path[static_cast<std::size_t>(i)];
+    if (p && !p->seen) return found[i].s;
+    return before.s = in_all<T>(p ? k.path[static_cast<std::size_t>(p->state)] : at_rest);
+  };
+  for (int i = 0; i < bodies; ++i) {
+    const EmbeddedLoop::PathBody& p = c.path[static_cast<std::size_t>(i)];
+    if (p.seen) continue;
+    const AlikeRows::Body& body = all.bodies[static_cast<std::size_t>(i)];
+    const AlikeHinges& h = body.hinges;
+    const PathStateOf<T>& A = state_at(p.inboard);
+    const T rate = each<T>([&](int l) { return in.v[h.v[l]]; });
+    if (p.shifts) {
+      Vec3<T> r;
+      const Places<T> at([&](int l) { return &ws.X(h.body[l]).p.x; });
+      at.take(0, r.x, r.y), at.take(2, r.z);
+      path_shift(r, vector_of<T>(body.u), rate, A, found[i].s);
+    } else {
+      for_axis(
+          h.kind, [&]<int I, Tilt TILT>() __attribute__((always_inline)) {
+            path_axis<I, TILT>(HingesAside<T>(h), vector_of<T>(body.p), cosine_of<T>(ws, h), sine_of<T>(ws, h), rate, A, found[i].s);
+          });
+    }
+  }
+  const Vec3<T> Rx = vector_of<T>(all.from_R), Ry = vector_of<T>(all.from_R + 3), Rz = vector_of<T>(all.from_R + 6);
+  const Pose<T> from{{Rx.x, Rx.y, Rx.z, Ry.x, Ry.y, Ry.z, Rz.x, Rz.y, Rz.z}, vector_of<T>(all.from_p)};
+  const PathStateOf<T> a = place_on(state_at(c.from_at), from, true);
+  const PathStateOf<T> b = place_on(state_at(c.to_at), Pose<T>{Mat3<T>::identity(), vector_of<T>(all.to_p)}, false);
+  const Vec3<T> d = b.p - a.p, u = b.v - a.v - cross(a.w, d);
+  const Vec3<T> udot = b.a - a.a - cross(a.alpha, d) - T(2.0) * cross(a.w, u) - cross(a.w, cross(a.w, d));
+  const Vec3<T> axes[] = {column_of<0>(a.R), column_of<1>(a.R), column_of<2>(a.R)};
+  const Vec3<T>* W = axes + (c.closing == Closing::plane ? 2 : 0);
+  const Places<T> residual([&](int l) { return k.c.data() + loops[l].row; }), g([&](int l) { return k.g.data() + loops[l].row; });
+  for (int i = 0; i < c.rows; ++i) residual.template put<false>(i, dot(W[i], d)), g.template put<false>(i, -dot(W[i], udot));
+  T G[AlikeRows::kMostNumbers];
+  const auto set_column = [&](int column, double sign, const Vec3<T>& moving) __attribute__((always_inline)) {
+    for (int i = 0; i < c.rows; ++i) G[i * c.own_columns + column] = T(sign) * dot(W[i], moving);
+  };
+  for (int i = 0; i < bodies; ++i) {
+    const EmbeddedLoop::PathBody& p = c.path[static_cast<std::size_t>(i)];
+    if (p.seen) {
+      const PathState& s = k.path[static_cast<std::size_t>(p.state)];
+      const Vec3<T> arm = b.p - in_all<T>(s.p);
+      for (int j = 0; j < p.n; ++j) {
+        const Motion<double> H = hinge_column(model, ws, p.body, j);
+        set_column(p.column + j, p.sign, in_all<T>(s.R * H.v) + cross(in_all<T>(s.R * H.w), arm));
+      }
+      continue;
+    }
+    const PathStateOf<T>& s = found[i].s;
+    const AlikeRows::Body& body = all.bodies[static_cast<std::size_t>(i)];
+    if (p.shifts)
+      set_column(p.column, p.sign, s.R * vector_of<T>(body.u));
+    else
+      set_column(p.column, p.sign, cross(turning_axis(body.hinges.kind, s.R), b.p - s.p));
+  }
+  const Places<T> to([&](int l) { return k.numbers.data() + loops[l].G; });
+  const int numbers = c.rows * c.own_columns;
+  int i = 0;
+  for (; i + 4 <= numbers; i += 4) to.template put<false>(i, G[i], G[i + 1], G[i + 2], G[i + 3]);
+  for (; i < numbers; ++i) to.template put<false>(i, G[i]);
+}
+static inline void geometric_rows(const SweepModel& model, const Embedding& e, const AlikeRows& all, Workspace<double>& ws,
+                                  EmbeddingWork& k, const Inputs<double>& in) {
+  if constexpr (kMostAside == 4)
+    if (all.n == 4) return geometric_rows<Lanes<4>>(model, e, all, ws, k, in);
+  geometric_rows<Lanes<2>>(model, e, all, ws, k, in);
 }
 
 /// Scaled rows of a loop in its inputs, or in all rates of its way: rates in the root of their energy, rows in metres, G x + constant = 0,
@@ -485,7 +591,9 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
                                         const Inputs<double>& in, const RowsOfHinges& hinges, const double* given) {
   if (!find_ratios(e, k, in, given)) return false;
   double* numbers = k.numbers.data();
-  std::size_t next_push = 0;  // they stand in the order of the loops
+  std::size_t next_push = 0;              // they stand in the order of the loops
+  auto next_rows = e.alike_rows.begin();  // likewise
+  std::size_t with_rows = 0;              // so many loops have theirs
   k.size = 0.0, k.smallest = 1.0;
   for (double* x = numbers; x < numbers + e.n_zeroed; ++x) *x = 0.0;
   for (double& x : k.b) x = 0.0;
@@ -513,8 +621,12 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
         G[j] = x.term < 0 ? 0.0 : gradient[x.term];
         if (x.given && in.vdot) g[0] -= G[j] * in.vdot[x.v];
       }
-    } else {
-      geometric_rows(model, c, ws, k, in, hinges);
+    } else if (l >= with_rows) {
+      while (next_rows != e.alike_rows.end() && (next_rows->first < static_cast<int>(l) || is_left_out(*next_rows))) ++next_rows;
+      if (next_rows != e.alike_rows.end() && next_rows->first == static_cast<int>(l))
+        geometric_rows(model, e, *next_rows, ws, k, in), with_rows = l + static_cast<std::size_t>(next_rows->n);
+      else
+        geometric_rows(model, c, ws, k, in, hinges);
     }
     if (c.drive >= 0 && in.drives) g[0] += in.drives[c.drive].acceleration, residual[0] -= in.drives[c.drive].more;
     if (given)

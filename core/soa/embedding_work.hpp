@@ -20,10 +20,12 @@ struct RowsOfHinges {
 };
 
 /// A body of a path relative to home at rest, axes and origin of home.
-struct PathState {
-  Mat3<double> R;
-  Vec3<double> p, w, v, alpha, a;  // [m], [rad/s], [m/s]; acceleration at v' = 0
+template <class T>
+struct PathStateOf {
+  Mat3<T> R;
+  Vec3<T> p, w, v, alpha, a;  // [m], [rad/s], [m/s]; acceleration at v' = 0
 };
+using PathState = PathStateOf<double>;
 
 /// A place by which a path leaves a body, where it deforms with it.
 struct PathExit {

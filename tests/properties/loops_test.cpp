@@ -514,7 +514,8 @@ double forms_apart(SystemSpec spec, const VectorXd& vdot_given = {}) {
 /// A platform that legs of two turns and a slide carry on a free base: on the first by a ball hinge, or (`apart`) by a free hinge on the
 /// base, all others closed. Axes, places and inertias are any. The third slide stands turned on its cylinder, the fourth leg has one turn
 /// more, on the last cylinder hangs an arm. `stretched`: the second leg points along its first axis, about which its end hardly moves.
-SystemSpec platform_on_legs(std::uint64_t seed, bool apart, bool stretched) {
+/// `alike`: so many legs, none with any of this, closed by one type; of even seeds about coordinate axes.
+SystemSpec platform_on_legs(std::uint64_t seed, bool apart, bool stretched, int alike = 0) {
   std::mt19937_64 random(seed);
   std::uniform_real_distribution<double> number(-1.0, 1.0);
   const auto vector = [&] { return Eigen::Vector3d(number(random), number(random), number(random)); };
@@ -532,26 +533,26 @@ SystemSpec platform_on_legs(std::uint64_t seed, bool apart, bool stretched) {
   SystemSpec spec = system({base}, uniform_gravity({0.5, -0.3, -9.81}));
   const char* closings[] = {"point", "point", "point", "line", "point"};
   std::vector<LoopSpec> loops;
-  for (int i = 0; i < 5; ++i) {
+  for (int i = 0; i < (alike ? alike : 5); ++i) {
     const std::string leg = std::to_string(i);
     const bool along = stretched && i == 1;
-    spec.bodies.push_back(
-        moved(on(heavy("cross" + leg, 0.3), "base", "revolute", {along ? Eigen::Vector3d(1, 0, 0) : vector().normalized()}, vector()),
-              number(random)));
+    const auto axis_of = [&](const Eigen::Vector3d& axis, bool wanted) -> Eigen::Vector3d {
+      return wanted || (alike && seed % 2 == 0) ? axis : vector().normalized();
+    };
+    spec.bodies.push_back(moved(on(heavy("cross" + leg, 0.3), "base", "revolute", {axis_of({1, 0, 0}, along)}, vector()), number(random)));
     std::string inboard = "cross" + leg;
-    if (i == 3) {
+    if (i == 3 && !alike) {
       spec.bodies.push_back(moved(on(heavy("turn", 0.2), inboard, "revolute", {vector().normalized()}), number(random)));
       inboard = "turn";
     }
     spec.bodies.push_back(
-        moved(on(heavy("cylinder" + leg, 1.5), inboard, "revolute", {along ? Eigen::Vector3d(0, 1, 0) : vector().normalized()}),
-              along ? 1.567 : number(random)));
-    BodySpec rod = moved(on(heavy("rod" + leg, 0.8), "cylinder" + leg, "prismatic",
-                            {along ? Eigen::Vector3d(0, 0, 1) : vector().normalized()}, along ? Eigen::Vector3d(0, 0, 0.4) : vector()),
+        moved(on(heavy("cylinder" + leg, 1.5), inboard, "revolute", {axis_of({0, 1, 0}, along)}), along ? 1.567 : number(random)));
+    BodySpec rod = moved(on(heavy("rod" + leg, 0.8), "cylinder" + leg, "prismatic", {axis_of({0, 0, 1}, along)},
+                            along ? Eigen::Vector3d(0, 0, 0.4) : vector()),
                          0.5 + 0.2 * number(random));
-    if (i == 2) rod.hinge.onode_R = turned();
+    if (i == 2 && !alike) rod.hinge.onode_R = turned();
     spec.bodies.push_back(rod);
-    if (i == 4)
+    if (i == 4 && !alike)
       spec.bodies.push_back(moved(on(heavy("arm", 0.6), "cylinder4", "revolute", {vector().normalized()}, vector()), number(random)));
     if (i == 0) {
       BodySpec platform = on(heavy("platform", seed % 2 ? 20.0 : 200.0), apart ? "base" : "rod0", apart ? "free" : "ball", {}, vector());
@@ -562,7 +563,7 @@ SystemSpec platform_on_legs(std::uint64_t seed, bool apart, bool stretched) {
       if (!apart) continue;
     }
     LoopSpec loop;
-    loop.name = "leg" + leg, loop.type = closings[i];
+    loop.name = "leg" + leg, loop.type = alike ? closings[seed % 4 / 2 + 2] : closings[i];
     loop.from.body = "rod" + leg, loop.from.position = along ? Eigen::Vector3d(0, 0, 0.3) : Eigen::Vector3d(0.3 * vector()),
     loop.from.R = turned();
     loop.to.body = "platform";
@@ -618,6 +619,28 @@ TEST(Loops, OfLegsOfAPlatformAgreeWithTheDenseTwin) {
         }
       }
   EXPECT_GE(std::min({by_own, more, by_any}), 10) << by_own << " " << more << " " << by_any;
+}
+
+// Legs that are alike, each with numbers of its own. Where all loops go by rates, rows of all but the first, with which the platform is
+// found, are found side by side.
+TEST(Loops, RowsOfLegsThatAreAlikeAreFoundSideBySide) {
+  std::map<int, int> found;
+  for (int legs = 2; legs <= 7; ++legs)
+    for (std::uint64_t seed = 1; seed <= 8; ++seed)
+      for (const bool apart : {false, true}) {
+        const SystemSpec spec = platform_on_legs(seed, apart, false, legs + !apart);
+        const auto model = compiled(spec);
+        const Embedding& e = *model->loops.embedding;
+        int aside = 0;
+        for (const AlikeRows& rows : e.alike_rows)
+          if (!rows.half) ++found[rows.n], aside += rows.n;
+        if (seed % 2 == 0 && std::ranges::all_of(e.loops, &EmbeddedLoop::by_rates)) {
+          EXPECT_EQ(aside, (legs - 1) / 2 * 2) << legs << " " << seed << apart;
+        }
+        EXPECT_LE(forms_apart(spec), 1e-12) << legs << " " << seed << apart;
+      }
+  EXPECT_GE(found[2], 5);
+  EXPECT_GE(found[4], 5);
 }
 
 TEST(Loops, OfLinksThatBendAgreeWithTheDenseTwin) {
