@@ -95,6 +95,11 @@ RunFailure describe_breakdown(const Model& model, const soa::Breakdown& bad, dou
   const std::string direction = mode ? "its modes" : u.v_names[bad.component];
   f.what = fmt::format("{} = {:.3g}, limit {:.3g}, direction: {}", mode ? "modal inertia" : "D", bad.value, bad.limit, direction);
   f.hint = "a body without mass or inertia in that direction, or a value that is not finite; see docs/errors.md";
+  const int v = model.bodies[static_cast<std::size_t>(bad.body)].v + bad.component;
+  if (!mode && std::ranges::any_of(model.loops.all, [v](const Loop& l) { return std::ranges::find(l.rates, v) != l.rates.end(); }))
+    f.hint =
+        "closed loops may be all that moves it: closed by rates (`loop_form: auto`, and no modes on their way) they need no inertia there; "
+        "else give the body one, or its hinge fewer freedoms";
   if (const std::string deformed = truncated_outboard(model, bad.body); bad.value < 0.0 && !deformed.empty())
     f.hint = fmt::format("modes of {} have deformed it beyond what its level can describe: level 2 keeps a mass matrix positive definite",
                          deformed);

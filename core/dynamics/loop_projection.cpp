@@ -55,10 +55,26 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
     for (const Loop& loop : model_.loops.all) most = std::max(most, kStalledFar * pass.reach_of(loop) / pass.size_of(loop));
     return most;
   };
+  /// Rows of wheels that turn with hinges are in no elimination of the sweeps: the largest slope of each, scaled as a pivot is.
+  const auto look_at_wheels = [&] {
+    for (const Transmission& t : model_.loops.embedding->transmissions)
+      for (const Transmission::Row& row : t.rows) {
+        if (t.constant) continue;
+        const Loop& loop = model_.loops.all[static_cast<std::size_t>(row.loop)];
+        double most = 0.0;
+        for (std::size_t i = 0; i < loop.coupling.terms.size(); ++i) {
+          const auto rate = static_cast<std::size_t>(loop.coupling.terms[i].v);
+          most = std::max(
+              most, std::abs(work.gradient[static_cast<std::size_t>(row.loop)][i]) * model_.loops.column_scale[rate] / loop.reference);
+        }
+        if (most < pivot_) pivot_ = most, weakest_ = row.row;
+      }
+  };
   /// The least motion M^-1 G* mu that takes G of it from x. False: a row without compliance.
   const auto take = [&](const std::vector<double>& x) {
     if (model_.loops.embedding && embedded_response(model_, ws_, q, drives, x, step_.data())) {
       pivot_ = work.embedding->smallest, weakest_ = work.embedding->weakest;
+      look_at_wheels();
       return true;
     }
     if (model_.loops.embedding && !stand(model_, ws_, q, true)) return false;

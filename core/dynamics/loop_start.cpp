@@ -156,10 +156,10 @@ void begin_at(Model& model, const State& start) {
 }
 
 /// Embedding, where it is not unwanted.
-void choose_form(Model& model, const LoopPass& pass, const LoopWork& work) {
+void choose_form(Model& model, const LoopPass& pass, Workspace& ws, const double* q) {
   Loops& loops = model.loops;
-  const std::vector<double> rows = scaled_rows(model, pass, work);
-  Embedding embedding = embed_loops(model, rows, loops.sets);
+  const std::vector<double> rows = scaled_rows(model, pass, *ws.loops);
+  Embedding embedding = embed_loops(model, rows, !stand(model, ws, q, true), loops.sets);
   const LoopForm form = model.spec->loop_form;
   if (form == LoopForm::multipliers || form == LoopForm::dae) {
     for (LoopSet& set : loops.sets) set.form = form == LoopForm::dae ? "multipliers of all bodies" : "multipliers", set.why = "asked for";
@@ -254,7 +254,7 @@ void prepare_loops(Model& model) {
   pass.matrix();
   pass.find_rank();
   loops.rank = ws.loops->rank;
-  choose_form(model, pass, *ws.loops);
+  choose_form(model, pass, ws, start.q.data());
 }
 
 std::shared_ptr<const Model> embedded_by(const Model& model, const std::vector<std::uint8_t>& by_rates) {

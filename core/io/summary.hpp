@@ -31,6 +31,7 @@ struct Ledger {
   double linear_momentum = 0.0, angular_momentum = 0.0, energy = 0.0;
   double linear_limit = 0.0, angular_limit = 0.0, energy_limit = 0.0;  // what the errors of the steps explain of each
   bool pass = true;                                                    // none is above its limit
+  std::vector<std::string> undecided{};                                // limits of these judge nothing: "linear momentum"
 };
 
 /// Size of the model: counts of bodies, hinges, coordinates q, velocities v, modes.

@@ -1167,7 +1167,7 @@ class Embedder {
 
 }  // namespace
 
-Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows, std::vector<LoopSet>& sets) {
+Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows, bool without_inertia, std::vector<LoopSet>& sets) {
   Embedder embedder(model, scaled_rows);
   sets = embedder.sets();
   for (LoopSet& set : sets)
@@ -1190,6 +1190,8 @@ Embedding embed_loops(const Model& model, const std::vector<double>& scaled_rows
     const int left = embedder.path_rates(l) - model.loops.all[at(l)].rows;
     if (!set.why.empty()) {  // modes on the way
       for (const int i : set.loops) by_rates[at(i)] = 0;
+    } else if (without_inertia) {  // hinges that multipliers would have eliminated may have none of their own
+      set.why = "the open tree has a direction without inertia";
     } else if (set.loops.size() > 1) {
       set.why = "they share hinges";
       if (std::ranges::none_of(set.loops, light) && tried++ < kTried) try_multipliers(set, kWorth);

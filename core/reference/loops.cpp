@@ -1,6 +1,7 @@
 #include "core/reference/loops.hpp"
 
 #include <algorithm>
+#include <limits>
 
 #include "core/reference/factor.hpp"
 #include "core/reference/quad.hpp"
@@ -200,14 +201,16 @@ LoopRows<T> rows_of(const DenseLoop<T>& loop, const Frame<T>& A, const Frame<T>&
   return on.rows();
 }
 
+constexpr double kSingular = 1e3;  // roundings: of a mass matrix whose reciprocal condition is below
+
 template <class T>
 ClosedMotion<T> closed_motion(const MatX<T>& M, const VecX<T>& force, const MatX<T>& G, const VecX<T>& gamma, double tolerance) {
   using std::sqrt;
-  const Factor<T> factor(M);
-  ClosedMotion<T> out{factor.solve(force), VecX<T>::Zero(G.rows()), 0};
+  ClosedMotion<T> out{{}, VecX<T>::Zero(G.rows()), 0};
   // Rows as unit vectors in the metric of diag M; the longest remainder is taken in turn (Gram-Schmidt, twice).
-  const VecX<T> weight = M.diagonal().cwiseSqrt().cwiseInverse();
+  const VecX<T> weight = M.diagonal().unaryExpr([](const T& m) { return m > T(0) ? T(1) / sqrt(m) : T(1); });
   MatX<T> left = G * weight.asDiagonal();
+  const VecX<T> lengths = left.rowwise().norm();
   for (Eigen::Index i = 0; i < left.rows(); ++i)
     if (const T length = left.row(i).norm(); length > T(0)) left.row(i) /= length;
   std::vector<Eigen::Index> taken;
@@ -223,6 +226,19 @@ ClosedMotion<T> closed_motion(const MatX<T>& M, const VecX<T>& force, const MatX
     left.row(best).setZero();
   }
   out.rank = static_cast<int>(taken.size());
+  Factor<T> factor(M);
+  VecX<T> pushed = force;
+  if (!factor.is_positive() || factor.rcond() < kSingular * static_cast<double>(std::numeric_limits<T>::epsilon())) {
+    // M + G* G, force + G* gamma: the same v' and lambda, since G v' = gamma; regular where the rows move what M does not.
+    MatX<T> regular = M;
+    for (const Eigen::Index i : taken) {
+      const VecX<T> g = G.row(i).transpose() / lengths[i];
+      regular += g * g.transpose();
+      pushed += g * (gamma[i] / lengths[i]);
+    }
+    factor = Factor<T>(regular);
+  }
+  out.vdot = factor.solve(pushed);
   if (taken.empty()) return out;
   const MatX<T> G_I = G(taken, Eigen::all), S = G_I * factor.solve(MatX<T>(G_I.transpose()));
   const VecX<T> lambda_I = Factor<T>(S).solve(VecX<T>(gamma(taken) - G_I * out.vdot));

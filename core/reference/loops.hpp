@@ -57,8 +57,8 @@ struct ClosedMotion {
   VecX<T> vdot, lambda;
   int rank = 0;
 };
-/// M positive definite. Rows that depend on others to `tolerance` (each scaled to unit length in the metric of the diagonal of M) count
-/// once.
+/// M positive definite, or made so by the rows. Rows that depend on others to `tolerance` (each scaled to unit length in the metric of the
+/// diagonal of M) count once.
 template <class T>
 ClosedMotion<T> closed_motion(const MatX<T>& M, const VecX<T>& force, const MatX<T>& G, const VecX<T>& gamma, double tolerance = 1e-9);
 

@@ -10,6 +10,7 @@ namespace cardan {
 namespace {
 
 constexpr double kSafety = 10.0;  // of a limit: estimates of errors are estimates, and a norm of many states hides one
+constexpr double kJudges = 0.1;   // a limit above judges nothing: what is lost altogether is a residual of one
 constexpr double kLargest = std::numeric_limits<double>::max();
 
 struct Row {
@@ -28,6 +29,13 @@ std::array<double, 3> magnitudes(const Momentum& p, const Energy& e) { return {p
 void LedgerState::remember(Archive& a) {
   a(std::span(linear.data(), 3), std::span(angular.data(), 3), energy, pass);
   for (const Row& row : kRows) a(this->*row.over, this->*row.limit);
+}
+
+std::vector<std::string> LedgerState::undecided() const {
+  std::vector<std::string> out;
+  for (const Row& row : kRows)
+    if (!(this->*row.limit <= kJudges)) out.emplace_back(row.name);
+  return out;
 }
 
 void Balances::begin(const Momentum& p, const Energy& e) {
@@ -51,7 +59,7 @@ const LedgerState& Balances::look(const Momentum& p, const Energy& e, const Inte
   const double round_off = 4.0 * std::numeric_limits<double>::epsilon() * (100.0 + static_cast<double>(counts.steps));
   const std::array<double, 3> allowed = {relative * scale_[0] + least_[0], relative * scale_[1] + least_[1],
                                          2.0 * relative * scale_[2] + 2.0 * std::sqrt(scale_[2] * least_[2]) + least_[2]};  // of a square
-  const std::array<double, 3> integrals = {off.head<3>().norm(), off.segment<3>(3).norm(), off[6]};
+  const std::array<double, 3> integrals = {(off + off_).head<3>().norm(), (off + off_).segment<3>(3).norm(), off[6] + off_[6]};
   // Of what flies away from the world's origin place and velocity are nearly parallel, and their product is small beside its rounding.
   const std::array<double, 3> rounded = {scale_[0], std::max(scale_[1], p.com.norm() * p.linear_magnitude), scale_[2]};
   for (std::size_t i = 0; i < 3; ++i) {
@@ -61,7 +69,7 @@ const LedgerState& Balances::look(const Momentum& p, const Energy& e, const Inte
     if (!std::isfinite(over)) over = kLargest;  // the largest of all: summaries hold numbers
     const double explained = kSafety * (counts.error_sum * allowed[i] + integrals[i]) + round_off * rounded[i];
     const double limit = s.*row.limit = moves ? explained / scale_[i] : 0.0;
-    s.pass = s.pass && over <= limit;
+    s.pass = s.pass && (over <= limit || (limit > kJudges && over < kLargest));
     worst_.*row.over = std::max(worst_.*row.over, over);
     worst_.*row.limit = std::max(limit, worst_.*row.limit);
   }
@@ -73,7 +81,7 @@ std::vector<std::pair<std::string, std::string>> Balances::beyond(const std::str
   std::vector<std::pair<std::string, std::string>> all;
   for (const Row& row : kRows) {
     const double over = now_.*row.over, limit = now_.*row.limit;
-    if (over <= limit) continue;
+    if (over <= limit || (limit > kJudges && over < kLargest)) continue;
     all.emplace_back(row.name,
                      over < kLargest
                          ? fmt::format("a residual of {:.1e} of the largest sum of magnitudes; the errors of {} steps of {} explain {:.1e}",
@@ -83,6 +91,8 @@ std::vector<std::pair<std::string, std::string>> Balances::beyond(const std::str
   return all;
 }
 
-void Balances::remember(Archive& a) { a(std::span(start_.data(), kIntegrals), std::span(scale_), std::span(least_), worst_); }
+void Balances::remember(Archive& a) {
+  a(std::span(start_.data(), kIntegrals), std::span(off_.data(), kIntegrals), std::span(scale_), std::span(least_), worst_);
+}
 
 }  // namespace cardan

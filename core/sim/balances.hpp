@@ -19,7 +19,10 @@ struct LedgerState {
   double linear_relative = 0.0, angular_relative = 0.0, energy_relative = 0.0;          // [-]
   /// [-] What the errors of the steps so far explain of each, over the same sums of magnitudes.
   double linear_limit = 0.0, angular_limit = 0.0, energy_limit = 0.0;
-  bool pass = true;  // none is above its limit, all are numbers
+  bool pass = true;  // none is above its limit, all are numbers; balances that no limit judges left out
+
+  /// Balances whose limit is so large a part of the sum itself that it judges nothing: "linear momentum".
+  std::vector<std::string> undecided() const;
 
   void remember(Archive&);
 };
@@ -36,8 +39,9 @@ class Balances {
   void begin(const Momentum&, const Energy&);
   /// Momentum and energy have jumped to these, all of it brought in from outside, and the integrals begin anew: residuals stay.
   void go_on(const Momentum&, const Energy&);
-  /// They have jumped by this, brought in from outside: an impulse, its moment about the world's origin, its work.
-  void jump(const Integrals& by) { start_ += by; }
+  /// They have jumped by this, brought in from outside: an impulse, its moment about the world's origin, its work. `off`: what these may
+  /// be off by.
+  void jump(const Integrals& by, const Integrals& off = Integrals::Zero()) { start_ += by, off_ += off; }
   /// What has become of them after so many steps with such errors, at this relative tolerance. `off`: what the integrals may be off by.
   const LedgerState& look(const Momentum&, const Energy&, const Integrals&, const Integrals& off, const IntegratorStatistics&,
                           double relative);
@@ -48,6 +52,7 @@ class Balances {
 
  private:
   Integrals start_ = Integrals::Zero();      // momenta and energy
+  Integrals off_ = Integrals::Zero();        // what jumps of these may be off by
   std::array<double, 3> scale_{}, least_{};  // linear, angular, energy
   LedgerState now_, worst_;
   long steps_ = 0;  // at the last look

@@ -4,11 +4,14 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <cmath>
 #include <memory>
+#include <set>
 
 #include "core/base/diagnostic.hpp"
 #include "core/base/units.hpp"
 #include "core/io/run_columns.hpp"
+#include "core/model/components.hpp"
 #include "core/model/device_units.hpp"
 
 namespace cardan {
@@ -160,11 +163,27 @@ class Outputs {
     states(d.family->marks, d.family->n_marks, d.mark, sim_.state().marks, sim_.now().mark);
   }
 
+  /// The force on a coordinate whose coefficient is 1 (or -1), else on any: those tell what the sum of the coupling is measured in. "1"
+  /// where they are of several kinds, or none.
+  std::string unit_of_multiplier(const LoopSpec& coupling) const {
+    std::set<std::string> of_ones, of_all;
+    for (const LoopSpec::Term& term : coupling.terms)
+      for (const int i : components_of(model_, term.target))
+        for (const UserBody& u : model_.user) {
+          if (i < u.v || i >= u.v + u.nv) continue;
+          const std::string unit = force_unit(u.v_units[at(i - u.v)]);
+          of_all.insert(unit);
+          if (std::abs(term.coefficient) == 1.0) of_ones.insert(unit);
+        }
+    const std::set<std::string>& kinds = of_ones.empty() ? of_all : of_ones;
+    return kinds.size() == 1 ? *kinds.begin() : "1";
+  }
+
   void loop(const LoopSpec& l) {  // while it is open: zero
     const std::string path = "loops/" + l.name + "/";
     if (l.type == "coupling")
-      return add(path + "multiplier", {"multiplier"}, "1", "", "force of the coupling, per slope of its sum along each coordinate",
-                 [&sim = sim_, name = l.name](double* x) {
+      return add(path + "multiplier", {"multiplier"}, unit_of_multiplier(l), "",
+                 "force of the coupling, per slope of its sum along each coordinate", [&sim = sim_, name = l.name](double* x) {
                    const int i = sim.model().loops.find(name);
                    *x = i < 0 ? 0.0 : sim.loop_forces().multipliers[at(sim.model().loops.all[at(i)].first)];
                  });

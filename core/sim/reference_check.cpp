@@ -25,6 +25,8 @@ constexpr char kPath[] = "reference/difference";
 constexpr double kSure = 1e-11;
 /// Below this reciprocal condition of M with a unit diagonal v' of the twin in double may lack half of its digits.
 constexpr double kSound = 1e-10;
+/// Roundings of a mass matrix below whose reciprocal condition it is singular: closed loops may hold such motions.
+constexpr double kSingular = 1e3;
 /// Roundings of products of velocities, in 113 bits, below which a difference is none.
 constexpr double kRounded = 1e3;
 
@@ -33,7 +35,7 @@ constexpr double kRounded = 1e3;
 /// where one of them is no number or the twin finds no v'. `sound`: false where T may be too short for this mass matrix.
 template <class T>
 double difference(Simulation& sim, TwinDynamics<T>& twin, bool& sound) {
-  using reference::MatX, reference::VecX;
+  using reference::MatX, reference::VecX, std::sqrt;
   sim.observe();
   const std::vector<double> forces = sim.applied_forces();
   const VecX<T> vdot = sim.vdot().cast<T>();
@@ -43,8 +45,12 @@ double difference(Simulation& sim, TwinDynamics<T>& twin, bool& sound) {
   loads.z = sim.state().z.data(), loads.marks = sim.state().marks.data();
   const reference::DenseState<T> state = twin.at(sim.state().q.cast<T>(), sim.state().v.cast<T>(), loads);
 
-  const VecX<T> unit = state.M.diagonal().cwiseSqrt().cwiseInverse();
-  const reference::Factor<T> M(unit.asDiagonal() * state.M * unit.asDiagonal());
+  const VecX<T> unit = state.M.diagonal().unaryExpr([](const T& m) { return m > T(0) ? T(1) / sqrt(m) : T(1); });
+  MatX<T> scaled = unit.asDiagonal() * state.M * unit.asDiagonal();
+  reference::Factor<T> M(scaled);
+  if (!sim.model().loops.empty() && !(M.is_positive() && M.rcond() > kSingular * static_cast<double>(std::numeric_limits<T>::epsilon())))
+    M = reference::Factor<T>(scaled +=
+                             MatX<T>::Identity(scaled.rows(), scaled.cols()));  // loops hold what has no inertia: a scale all the same
   sound = M.is_positive();
   if (!sound) return HUGE_VAL;
   if constexpr (std::is_same_v<T, double>) sound = M.rcond() > kSound;

@@ -11,6 +11,7 @@
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/sim/choose_method.hpp"
 #include "core/sim/diagonalised_form.hpp"
+#include "core/sim/near_singular.hpp"
 #include "core/sim/newton_operators.hpp"
 #include "core/sim/plugin_faults.hpp"
 #include "core/sim/twin_dynamics.hpp"
@@ -142,7 +143,8 @@ void Simulation::take_over(const Simulation& other) {
   tau_ = other.tau_;
   tau_total_ = other.tau_;
   prescribed_ = other.prescribed_;
-  prescribed_loops_ = other.prescribed_loops_, drives_ = other.drives_;
+  if (prescribed_loops_.size() == other.prescribed_loops_.size())  // not of loops that were open there
+    prescribed_loops_ = other.prescribed_loops_, drives_ = other.drives_;
   if (devices_ && other.devices_) devices_->commands = other.devices_->commands;
   if (delayed_.size() == other.delayed_.size()) delayed_ = other.delayed_;
   for (std::size_t i = 0; i < std::min(wrenches_.size(), other.wrenches_.size()); ++i) wrenches_[i].f = other.wrenches_[i].f;
@@ -589,7 +591,10 @@ LedgerState Simulation::ledger() {
   ledger_known_ = true;
   Balances::Integrals y = Balances::Integrals::Zero(), off = y;
   if (integrator_) integrator_->integrals(state_.t, y.data(), off.data());
-  ledger_ = balances_.look(momentum(), energy(), y, off, statistics(), options_.integrator.relative_tolerance);
+  const Momentum p = momentum();
+  const Energy e = energy();
+  if (loops_) off += off_near_singular(loops_->pivot(), options_.integrator.relative_tolerance, p, e);
+  ledger_ = balances_.look(p, e, y, off, statistics(), options_.integrator.relative_tolerance);
   for (const auto& [name, sentence] : balances_.beyond(integrator_name()))
     warn(Code::ledger_residual, {fmt::format("ledger of {}", name), {}}, sentence,
          "a hinge or body of a plugin whose laws do not fit together, a state that was changed in the run, or a step too large "

@@ -7,6 +7,7 @@
 #include <limits>
 #include <vector>
 
+#include "core/sim/near_singular.hpp"
 #include "core/sim/simulation.hpp"
 
 namespace cardan {
@@ -15,7 +16,6 @@ namespace {
 constexpr double kNear = 1e-2;   // a scaled pivot from which on it is looked at ...
 constexpr double kLeast = 1e-4;  // ... and beyond which the motion goes on at least
 constexpr int kTries = 6;
-constexpr double kRounding = 4e-14, kMost = 1e-4;  // over the square of a pivot: of the direction of motion; what is taken for it at most
 
 /// Weights of values at the times s, in which the polynomial through them has the integral from 0 to 1: Gauss' rule of four points.
 std::vector<double> weights(const std::vector<double>& s) {
@@ -71,11 +71,11 @@ void Simulation::pass_singular_posture(double t_stop) {
     for (std::size_t j = from; j < to; ++j) all += h * w[j - from] * f.col(static_cast<Eigen::Index>(j));
     return all;
   };
-  Eigen::ArrayXd x1, gained;
+  Eigen::ArrayXd x1, gained, unsure;
   const auto apart = [&](const Eigen::ArrayXd& a, const Eigen::ArrayXd& b) {
     const Eigen::ArrayXd allowed = Eigen::Map<const Eigen::ArrayXd>(absolute.data(), n) +
                                    options_.integrator.relative_tolerance * x0.abs() +
-                                   std::min(kRounding / (pivot * pivot), kMost) * (x0.abs() + gained.head(n).abs());
+                                   rounded_direction(pivot) * (x0.abs() + gained.head(n).abs());
     return ((a - b).head(n).abs() / allowed).maxCoeff();
   };
   const auto reach = [&](const Eigen::ArrayXd& by) {  // an error across the loops ends here
@@ -93,8 +93,10 @@ void Simulation::pass_singular_posture(double t_stop) {
       const double change = apart(now, gained);
       gained = now;
       if (change > 0.1) continue;
-      if (!reach(gain(0, s.size() - 1))) return false;
+      const Eigen::ArrayXd less = gain(0, s.size() - 1);
+      if (!reach(less)) return false;
       const Eigen::ArrayXd by_one_less = x1;
+      unsure = (gained - less).abs();
       return reach(gained) && apart(x1, by_one_less) <= 1.0;
     }
     return false;
@@ -122,7 +124,10 @@ void Simulation::pass_singular_posture(double t_stop) {
   state_.t = t_after;
   unpack(x_.data());
   observed_ = ledger_known_ = false;
-  if (options_.ledger) balances_.jump(gained.tail<Balances::kIntegrals>().matrix());
+  if (options_.ledger)
+    balances_.jump(gained.tail<Balances::kIntegrals>().matrix(),
+                   unsure.tail<Balances::kIntegrals>().matrix() +
+                       off_near_singular(pivot, options_.integrator.relative_tolerance, momentum(), energy()));
   trail_.n = 0;
   start_anew_for(RestartCause::loops);
   restart();  // whose integrals end where it is

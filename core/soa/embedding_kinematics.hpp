@@ -17,9 +17,11 @@ namespace cardan::soa {
 static constexpr double kNoPivot = 1e-10;      // of scaled rows (docs/mathematics/loops.md, 2)
 static constexpr double kOpenRows = 10.0;      // ... of rows that imply each other on closed loops: also below so much of the residual
 static constexpr double kMostOpenRows = 1e-4;  // ... but not more
-static constexpr double kNoCompliance = 1e-9;  // rows chosen at the start that have less than so much of what they had there: others count
-static constexpr double kSteepOwn = 4.0;       // of rates of a loop alone per other, in the root of their energy: beyond, others are pivots
-static constexpr double kContradicts = 1e-6;   // what a redundant row may lack, relative to the largest gamma_c
+/// Rows of multipliers that have less than this of their compliance by the inertia of the start beside the rows before them lose as many
+/// digits of v': over the open tree what is left open is taken away once more, and rows are chosen anew.
+static constexpr double kWeakCompliance = 1e-3;
+static constexpr double kSteepOwn = 4.0;      // of rates of a loop alone per other, in the root of their energy: beyond, others are pivots
+static constexpr double kContradicts = 1e-6;  // what a redundant row may lack, relative to the largest gamma_c
 
 /// R <- R R_i(theta): its columns turn in their plane.
 template <int I, class T>
@@ -641,7 +643,7 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
     const int* row_at = k.row_at.data() + c.row;
     if (!c.by_rates) {
       for (int p = 0; p < n; ++p) k.b[static_cast<std::size_t>(c.x + p)] = g[row_at[p]];
-      for (int p = 0; c.chosen && p < n; ++p) {
+      for (int p = 0; p < n; ++p) {
         double& sum = k.x[static_cast<std::size_t>(c.x + p)];
         sum = 0.0;
         for (int j = 0; j < c.own_columns; ++j) {

@@ -526,8 +526,7 @@ static inline bool close_at_home(const Embedding& e, const EmbeddingStep& step, 
         L[j] = sum * Lj[j];
         pivot -= L[j] * L[j];
       }
-      double limit = kPivotLimit * diagonal;
-      if (c.chosen) limit = std::fmax(limit, kNoCompliance * k.x[static_cast<std::size_t>(c.x + i)]);
+      const double limit = c.by_rates ? kPivotLimit * diagonal : kWeakCompliance * k.x[static_cast<std::size_t>(c.x + i)];
       if (!(pivot > limit)) {
         ws.breakdown = {step.body > 0 ? step.body : 1, -1, pivot, limit, c.first};
         return false;

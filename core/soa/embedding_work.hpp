@@ -130,7 +130,7 @@ struct EmbeddingWork {
       for (const CoupledRate& term : loop.coupling.terms) gradients.push_back(term.coefficient);
   }
   std::vector<double> numbers;    // A first; then per loop G, rows to eliminate, T | t, E | e
-  std::vector<double> b, x;       // per coordinate: force, and acceleration (of multipliers: themselves); before, of chosen rows: their
+  std::vector<double> b, x;       // per coordinate: force, and acceleration (of multipliers: themselves); before, of multipliers: their
                                   // compliance by the inertia of the start
   std::vector<double> g, c;       // per row, in the order of Embedding::loops: gamma_c, residual of scaled rows
   std::vector<double> gradients;  // of couplings, term by term

@@ -78,6 +78,7 @@ void push_handle(lua_State* L, Kind kind, int index, Scenario& s) {
 }
 
 void expect_state(lua_State* L, const Scenario& s, const char* what) {
+  s.expect_closed();
   if (s.in_event_function)
     refuse(L, Code::lua_argument, what, "hinge and mode coordinates, and t, inside of an event's `when`", what,
            "an event is located by its function at trial states, where nothing else is known");

@@ -48,6 +48,14 @@ void read_modes(MapReader& map, const char* key, const char* unit, int n, double
   }
 }
 
+/// What the vehicle gives, and initial{} before, without what the assembler found: components of a hinge that is given in part are as
+/// there.
+void forget_what_was_found(const Scenario& s, State& state) {
+  const State start =
+      compile(with_open_loops(s.beginning ? *s.beginning : *s.changes.described()), s.registry, s.compile_options())->initial_state();
+  state.q = start.q, state.v = start.v;
+}
+
 /// The state that closes the loops of the vehicle, as if the vehicle's file gave these values: hinges that nothing is given for follow.
 void close_start(lua_State* L, Scenario& s, const std::vector<InitialGiven>& given, State& state) {
   auto spec = std::make_shared<SystemSpec>(s.beginning ? *s.beginning : *s.changes.described());
@@ -63,6 +71,12 @@ void close_start(lua_State* L, Scenario& s, const std::vector<InitialGiven>& giv
     const std::shared_ptr<const Model> closed = compile(spec, s.registry, s.compile_options());
     const State start = closed->initial_state();
     state.q = start.q, state.v = start.v;
+    if (!s.open_start.empty()) {  // now that it closes it is what this mission's vehicle begins with
+      s.sim->set_state(state);
+      s.changes.begin_at(spec);
+      s.open_start.clear();
+      s.use_model(closed);
+    }
     s.beginning = std::move(spec), s.moved_by_beginning = closed->loops.moved;
     s.warnings.add(fast_found_rates(*s.model, s.moved_by_beginning, state.v.data()));
   } catch (const InputError& e) {
@@ -80,6 +94,8 @@ int initial(lua_State* L, Scenario& s) {
   ReadContext context{sink, no_defaults};
   MapReader bodies({&given, "initial"}, context);
   State state = s.sim->state();
+  const bool loops = !s.model->loops.empty() || !s.open_start.empty();
+  if (loops) forget_what_was_found(s, state);
   std::vector<InitialGiven> by_mission(s.model->user.size());
   for (const UserBody& u : s.model->user) {
     const auto value = bodies.find(u.name);
@@ -98,7 +114,7 @@ int initial(lua_State* L, Scenario& s) {
     for (Diagnostic& d : all) d.stack = LuaHost::traceback(L);
     throw InputError(std::move(all));
   }
-  if (!s.model->loops.empty()) close_start(L, s, by_mission, state);
+  if (loops) close_start(L, s, by_mission, state);
   s.sim->set_state(state);
   s.look_at_state();
   return 0;

@@ -46,7 +46,7 @@ int node_load(lua_State* L) {
   t.finish();
   sink.throw_if_any();
   s.loads.push_back({h.index, world_axes});
-  s.use_model(compile(s.changes.described(), s.registry, s.compile_options()));  // its own words: which initial values it gives
+  s.use_model(compile(s.described(), s.registry, s.compile_options()));  // its own words: which initial values it gives
   push_handle(L, Kind::load, static_cast<int>(s.loads.size()) - 1, s);
   return 1;
 }

@@ -102,6 +102,7 @@ std::unique_ptr<Scenario> open_scenario(const ScenarioOptions& options) {
     refuse(Code::command_line, {"", {s->file.string()}}, "a scenario: a Lua file, or a folder with scenario.lua", "the name of a vehicle",
            fmt::format("two lines make one: vehicle \"{}\"  mission {{ duration = 10 }}", s->file.filename().string()));
   s->lua.run_file(s->file.filename().string());
+  s->expect_closed();
   expect_complete(*s);
   expect_channels(*s);
   examine(*s);
@@ -115,6 +116,7 @@ std::unique_ptr<Scenario> open_vehicle(const ScenarioOptions& options) {
     lua_pushstring(L, s->file.filename().c_str());
     lua_call(L, 1, 0);
   });
+  s->expect_closed();
   expect_known(*s);
   return s;
 }

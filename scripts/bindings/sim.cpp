@@ -62,6 +62,7 @@ int v(lua_State* L) {
 }
 int vdot(lua_State* L) {
   const Scenario& s = scene(L);
+  s.expect_closed();
   if (s.in_event_function) refuse(L, Code::lua_argument, "sim:vdot", "coordinates, inside of an event's `when`", "v'");
   Labels labels = velocity_labels(*s.model);
   for (std::string& unit : labels.units) unit = unit.ends_with("/s") ? unit + "^2" : unit + "/s";
@@ -155,6 +156,7 @@ int state(lua_State* L) {
 template <int (*kPush)(lua_State*, Scenario&)>
 int study_of_scene(lua_State* L) {
   Scenario& s = scene(L);
+  s.expect_closed();
   return at_script_line(L, [&s](lua_State* l) { return kPush(l, s); });
 }
 

@@ -98,7 +98,13 @@ int vehicle(lua_State* L, Scenario& s) {
   s.modes_from_cache = make_modes(*spec, ModeCache::of_user());
   s.vehicle_file = path;
   s.changes.begin(std::move(given), spec);
-  s.use_model(compile(spec, s.registry, s.compile_options()));
+  try {
+    s.use_model(compile(spec, s.registry, s.compile_options()));
+  } catch (const InputError& e) {
+    if (!std::ranges::all_of(e.diagnostics(), [](const Diagnostic& d) { return d.code == Code::open_start; })) throw;
+    s.open_start = e.diagnostics();  // initial{} may close it
+    s.use_model(compile(s.described(), s.registry, s.compile_options()));
+  }
   push_vehicle(L, s);
   return 1;
 }
@@ -165,6 +171,7 @@ int vehicle_mass(lua_State* L) {
 template <int (*kPush)(lua_State*, Scenario&)>
 int vehicle_study(lua_State* L) {
   Scenario& s = *self<Kind::vehicle>(L).scenario;
+  s.expect_closed();
   return at_script_line(L, [&s](lua_State* l) { return kPush(l, s); });
 }
 

@@ -294,7 +294,12 @@ class VehicleText {
     std::string out;
     const ImportOptions& o = source_.options;
     if (j.lower && j.upper && !q.empty()) {
-      if (o.stop_stiffness)
+      if (o.stop_stiffness && *j.lower == *j.upper)
+        source_.sink.report(Code::out_of_range, {"limits of " + called("joint", j.name), j.mark}, "lower less than upper",
+                            fmt::format("{:g} twice", *j.lower),
+                            "a joint that cannot move is none: attach its body without it (URDF: type=\"fixed\"); without --stop-stiffness "
+                            "limits are comments");
+      else if (o.stop_stiffness)
         out += fmt::format("        - {{type: stop, component: {}, lower: {}, upper: {}, stiffness: {}, exponent: 1}}\n", q, *j.lower + 0.0,
                            *j.upper + 0.0, *o.stop_stiffness);
       else

@@ -40,13 +40,16 @@ std::string describe_value(lua_State* L, int index) {
 
 // ---- calls ----
 
-void LuaFunction::call(std::span<const double> in, std::span<double> out) const {
+int LuaFunction::call(std::span<const double> in, std::span<double> out) const {
+  int left = 0;
   host_->protect(
       [&](lua_State* L) {
         luaL_checkstack(L, static_cast<int>(in.size() + out.size()) + LUA_MINSTACK, nullptr);
         push(L);
         for (const double x : in) lua_pushnumber(L, x);
-        lua_call(L, static_cast<int>(in.size()), static_cast<int>(out.size()));
+        const int before = lua_gettop(L) - static_cast<int>(in.size()) - 1;
+        lua_call(L, static_cast<int>(in.size()), out.empty() ? LUA_MULTRET : static_cast<int>(out.size()));
+        for (int i = lua_gettop(L); out.empty() && i > before; --i) left += lua_isnil(L, i) ? 0 : 1;
         for (std::size_t i = 0; i < out.size(); ++i) {
           const int at = static_cast<int>(i) + 1;
           out[i] = lua_tonumber(L, at);
@@ -56,6 +59,7 @@ void LuaFunction::call(std::span<const double> in, std::span<double> out) const 
         }
       },
       host_->call_budget());
+  return left;
 }
 
 }  // namespace cardan

@@ -39,8 +39,8 @@ class LuaFunction : public LuaRef {
   LuaFunction() = default;
   explicit LuaFunction(LuaRef function) : LuaRef(std::move(function)) {}
   /// Numbers in, numbers out, within the host's call_budget(). Errors: as LuaHost::run_file; C0503 if a result is missing or not
-  /// a finite number.
-  void call(std::span<const double> in, std::span<double> out) const;
+  /// a finite number. Returns how many values (but nil) it has returned that nothing takes; with `out` always 0.
+  int call(std::span<const double> in, std::span<double> out) const;
 };
 
 /// `"1e-9 m" (string)`, `12 (number)`, `nil`: for `got`.

@@ -192,7 +192,11 @@ void MissionRun::tick(const Controller& c, const std::string& actor) {
   advance_phase();
   if (s_.sim->stopped()) return;
   const double t = s_.sim->time();
-  call(actor, [&] { c.step.call({&t, 1}, {}); });
+  int left = 0;
+  call(actor, [&] { left = c.step.call({&t, 1}, {}); });
+  if (left > 0)
+    s_.sim->warn(Code::no_effect, {actor, c.at.mark}, "its step returns a value, which nothing takes",
+                 "commands are given where they act: hinge:torque(x), load:set(...), device:set(name, x)");
 }
 
 /// The function of an event at a trial state. It may not throw through the integrator: its failure is kept for run().

@@ -79,7 +79,8 @@ Summary run_summary(const Scenario& s, double wall_s) {
                 worst.linear_limit,
                 worst.angular_limit,
                 worst.energy_limit,
-                worst.pass};
+                worst.pass,
+                worst.undecided()};
   out.warnings = run_warnings(s);
   out.simulated_s = s.sim->time();
   out.wall_s = wall_s;
@@ -177,6 +178,10 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
         "\nledgers: largest residual over the sum of magnitudes\n  linear momentum {:.1e}   angular momentum {:.1e}   "
         "energy {:.1e}\n",
         sum.ledger.linear_momentum, sum.ledger.angular_momentum, sum.ledger.energy);
+  if (!sum.ledger.undecided.empty())
+    text +=
+        fmt::format("  no verdict on {}: what the steps and their integrals may leave at this tolerance is more than a tenth of the sum\n",
+                    fmt::join(sum.ledger.undecided, ", "));
   if (sum.ended_by.starts_with("stop()"))
     text += fmt::format("\nended at t = {:.6g} of {:.6g} s by {}\n", sum.simulated_s, sum.planned_s, sum.ended_by);
   text += fmt::format("\n{:.6g} s simulated in {:.3g} s ({:.4g} times real time), {}\n{} steps, {} function calls, {} restarts\n",

@@ -75,6 +75,19 @@ void Scenario::use_model(std::shared_ptr<const Model> compiled) {
   look_at_state();
 }
 
+std::shared_ptr<const SystemSpec> with_open_loops(SystemSpec spec) {
+  for (LoopSpec& loop : spec.loops) loop.open = true;
+  return std::make_shared<const SystemSpec>(std::move(spec));
+}
+
+std::shared_ptr<const SystemSpec> Scenario::described() const {
+  return open_start.empty() ? changes.described() : with_open_loops(*changes.described());
+}
+
+void Scenario::expect_closed() const {
+  if (!open_start.empty()) throw InputError(open_start);
+}
+
 std::string place_of_failure(const SourceMark& mark) {
   if (mark.file.empty()) return {};
   std::string out = fmt::format("\n  --> {}:{}\n{}", mark.file, mark.line, excerpt(mark));

@@ -136,7 +136,10 @@ struct Scenario {
   std::vector<Load> loads;
   std::shared_ptr<const SystemSpec> beginning;   // the vehicle with the initial values of the mission, where it has loops; null: none
   std::vector<MovedAtStart> moved_by_beginning;  // what closes the loops with these
-  Warnings warnings;                             // of vehicle and mission, and of what the run did to the model; the simulation has its own
+  /// Why the vehicle's own start is no start: loops are open there. Until initial{} gives one that closes them `model` is the vehicle with
+  /// all its loops open. Empty: it is one.
+  std::vector<Diagnostic> open_start;
+  Warnings warnings;  // of vehicle and mission, and of what the run did to the model; the simulation has its own
 
   // The system
   std::shared_ptr<const Model> model;  // null before `vehicle`
@@ -159,12 +162,19 @@ struct Scenario {
 
   /// Compiles again with what has been declared, and keeps the state, the commands and the motion profiles.
   void use_model(std::shared_ptr<const Model> compiled);
+  /// What to compile: the vehicle as it is described, with its loops open as long as no start closes them.
+  std::shared_ptr<const SystemSpec> described() const;
+  /// InputError where loops are still open.
+  void expect_closed() const;
   /// A scene without loads has no op for them.
   CompileOptions compile_options() const;
   void look_at_state();
   /// What scripts see: the time, in an event function that of the trial state.
   double time() const { return in_event_function ? trial_time : sim ? sim->time() : 0.0; }
 };
+
+/// The vehicle with all its loops open.
+std::shared_ptr<const SystemSpec> with_open_loops(SystemSpec spec);
 
 /// "\n  --> scenario.lua:4\n    4 | the line", for RunFailure::what; empty without a place.
 std::string place_of_failure(const SourceMark& mark);

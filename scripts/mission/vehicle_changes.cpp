@@ -20,6 +20,13 @@ bool is_in(std::string_view key, std::string_view of) {
   return key.starts_with(of) && (key.size() == of.size() || key[of.size()] == '.' || key[of.size()] == '[');
 }
 
+/// Initial values as they are given.
+bool begin_alike(const SystemSpec& a, const SystemSpec& b) {
+  return std::ranges::equal(a.bodies, b.bodies, [](const BodySpec& x, const BodySpec& y) {
+    return x.hinge.q == y.hinge.q && x.hinge.v == y.hinge.v && x.eta == y.eta && x.etadot == y.etadot;
+  });
+}
+
 void put(Overrides& values, const std::string& key, const std::string& value) {
   std::erase_if(values, [&](const auto& before) { return is_in(before.first, key); });
   values.emplace_back(key, value);
@@ -82,13 +89,22 @@ SystemSpec VehicleChanges::described(const Overrides& values) const {
   SystemSpec spec = vehicle_from_text(described_->source_text, s_.file, s_.registry, values);
   take_modes(spec, *s_.model->spec);
   make_modes(spec, ModeCache::of_user());
+  for (std::size_t i = 0; begun_elsewhere_ && i < std::min(spec.bodies.size(), described_->bodies.size()); ++i) {
+    BodySpec& body = spec.bodies[i];
+    const BodySpec& begun = described_->bodies[i];
+    if (body.name != begun.name || body.hinge.type != begun.hinge.type) continue;
+    body.hinge.q = begun.hinge.q, body.hinge.v = begun.hinge.v, body.eta = begun.eta, body.etadot = begun.etadot;
+  }
   return spec;
 }
 
 std::shared_ptr<const Model> VehicleChanges::carried_model(SystemSpec spec) const {
+  // Where the assembler has found the start it finds another one with other masses: what was given is compared then.
+  const bool found = !s_.model->loops.moved.empty(), alike = found && begin_alike(described(values_), spec);
   const auto model = compile(std::make_shared<const SystemSpec>(std::move(spec)), s_.registry, s_.options());
   const State after = model->initial_state(), kept = carried(s_.model->initial_state(), model_map(*s_.model, *model), *model);
-  if (kept.q != after.q || kept.v != after.v || kept.z != after.z || kept.marks != after.marks)
+  const bool moved = found ? !alike : kept.q != after.q || kept.v != after.v;
+  if (moved || kept.z != after.z || kept.marks != after.marks)
     refuse(Code::other_vehicle, {"vehicle:change"}, "values that hold from now on", "an initial state", "a run begins once");
   return model;
 }

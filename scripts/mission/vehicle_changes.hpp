@@ -27,6 +27,8 @@ class VehicleChanges {
 
   /// The vehicle as it is described from the start.
   void begin(Overrides given, std::shared_ptr<const SystemSpec> described);
+  /// ... with other initial values, which its text gives too from now on.
+  void begin_at(std::shared_ptr<const SystemSpec> start) { described_ = std::move(start), begun_elsewhere_ = true; }
   const Overrides& given() const { return values_; }
   /// That vehicle; null before.
   const std::shared_ptr<const SystemSpec>& described() const { return described_; }
@@ -79,6 +81,7 @@ class VehicleChanges {
   std::vector<Wish> wishes_;
   std::vector<Instant> instants_;
   std::string actor_;
+  bool begun_elsewhere_ = false;
   bool rejoined_ = false;  // initial values of the model are those of its last instant
 };
 

@@ -177,6 +177,8 @@ class Judge {
       if (!row.pass) row.problem = Diagnostic{.code = Code::ledger_residual};
       row.note = fmt::format("linear momentum {}, angular momentum {}, energy {}", ledger["linear_momentum"].dump(),
                              ledger["angular_momentum"].dump(), ledger["energy"].dump());
+      if (const Json& undecided = ledger.value("undecided", Json::array()); !undecided.empty())
+        row.note += fmt::format("; no verdict on {}", fmt::join(undecided.get<std::vector<std::string>>(), ", "));
       return;
     }
     for (const auto& [name, bound] : {std::pair{"linear_momentum", golden_.ledger->linear_momentum},

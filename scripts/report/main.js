@@ -117,8 +117,9 @@ function balances() {
   const names = { linear_momentum: "linear momentum", angular_momentum: "angular momentum", energy: "energy" };
   const sums = summary.ledger || {}, limits = sums.limits;
   const ledger = Object.entries(names).filter(([key]) => typeof sums[key] === "number").map(([key, name]) => {
-    const ok = !limits || sums[key] <= limits[key];
-    return row(name, cell(number(sums[key], 3)), ...(limits ? [cell(number(limits[key], 3)), element("td.verdict" + (ok ? ".pass" : ".fail"), ok ? "pass" : "fail")] : []));
+    const ok = !limits || sums[key] <= limits[key], judged = !(sums.undecided || []).includes(name);
+    const verdict = !ok ? element("td.verdict.fail", "fail") : judged ? element("td.verdict.pass", "pass") : element("td.verdict", "none: the limit is too large");
+    return row(name, cell(number(sums[key], 3)), ...(limits ? [cell(number(limits[key], 3)), verdict] : []));
   });
   const head = ["ledger", "residual / largest sum", ...(limits ? ["explained by the steps", "verdict"] : [])];
   const figures = (summary.figures || summary.pointing || []).map((f) => row(f.name, cell(withUnit(f.value, f.unit))));

@@ -479,9 +479,10 @@ TEST(Loops, EmbeddedCostGrowsWithTheirNumberWhereTheyBend) {
 }
 
 /// v', multipliers, accelerations of nodes of all forms, and v' of the twin.
-double forms_apart(SystemSpec spec, const VectorXd& vdot_given = {}) {
+double forms_apart(SystemSpec spec, const VectorXd& vdot_given = {},
+                   const std::vector<LoopForm>& forms = {LoopForm::embedding, LoopForm::multipliers, LoopForm::dae}) {
   std::vector<VectorXd> vdot, lambda, nodes;
-  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers, LoopForm::dae}) {
+  for (const LoopForm form : forms) {
     spec.loop_form = form;
     const auto model = compiled(spec);
     EXPECT_EQ(model->loops.embedding != nullptr, form == LoopForm::embedding);
@@ -505,7 +506,8 @@ double forms_apart(SystemSpec spec, const VectorXd& vdot_given = {}) {
     for (Eigen::Index i = 0; i < model->nv; ++i) want[i] = static_cast<double>(exact[i]);
     vdot.push_back(want);
   }
-  double worst = worse(error_of(lambda[0], lambda[1]), error_of(lambda[0], lambda[2]));
+  double worst = 0.0;
+  for (const VectorXd& x : lambda) worst = worse(worst, error_of(x, lambda.front()));
   for (const VectorXd& x : vdot) worst = worse(worst, error_of(x, vdot.back()));
   for (const VectorXd& x : nodes) worst = worse(worst, error_of(x, nodes.front()));
   return worst;
@@ -1022,6 +1024,34 @@ TEST(Loops, AWheelMayPassADeadCentreOfItsHinge) {
   }
 }
 
+// sin a = sin b holds nothing where both are upright: the ratio of a wheel and its hinge is 1 all the way there.
+TEST(Loops, AWheelTellsOfASingularPostureAsOtherLoopsDo) {
+  BodySpec base = on(rigid("base", 5.0, {0.1, 0, 0}, diagonal({2, 3, 4})), "", "revolute", {{0, 0, 1}});
+  BodySpec arm = on(rigid("arm", 2.0, {0.0, 0.1, 0}, diagonal({0.1, 0.2, 0.3})), "base", "revolute", {{0, 1, 0}});
+  BodySpec crank = on(rigid("crank", 0.5, {0, 0, 0}, diagonal({0.05, 0.05, 0.1})), "base", "revolute", {{0, 0, 1}}, {0.3, 0, 0});
+  arm.hinge.q = crank.hinge.q = {1.2}, arm.hinge.v = crank.hinge.v = {0.5};
+  SystemSpec spec = system({base, arm, crank});
+  LoopSpec loop;
+  loop.name = "both", loop.type = "coupling";
+  LoopSpec::Function sine;
+  sine.kind = "sine", sine.numbers = {1.0}, sine.of = {{"arm", 1.0, {}}};
+  loop.functions.push_back(sine);
+  sine.numbers = {-1.0}, sine.of = {{"crank", 1.0, {}}};
+  loop.functions.push_back(sine);
+  spec.loops = {loop};
+  for (const LoopForm form : {LoopForm::multipliers, LoopForm::embedding}) {
+    spec.loop_form = form;
+    SimulationOptions steps;  // which end near it: one step over it sees nothing
+    steps.integrator.method = "rk4", steps.integrator.fixed_step = 1e-3;
+    Simulation sim(compiled(spec), steps);
+    EXPECT_TRUE(form == LoopForm::multipliers || !sim.model().loops.embedding->transmissions.empty());
+    sim.run(1.0);
+    ASSERT_EQ(sim.warnings().all().size(), 1u) << static_cast<int>(form) << render(sim.warnings());
+    EXPECT_EQ(sim.warnings().all()[0].what.code, Code::near_singular);
+    EXPECT_NEAR(sim.state().q[1], sim.state().q[2], 1e-7) << "in its own branch";
+  }
+}
+
 TEST(Loops, AGearMayBeDriven) {
   for (std::uint64_t seed = 1; seed <= 10; ++seed) {
     SystemSpec spec = geared_arms(seed, 1);
@@ -1124,6 +1154,11 @@ TEST(Loops, EmbeddedNearASingularPostureLosesNoMoreThanThePosture) {
     VectorXd want(model->nv);
     for (Eigen::Index i = 0; i < model->nv; ++i) want[i] = static_cast<double>(exact[i]);
     EXPECT_LE(error_of(vdot, want), 1e-14 / e) << e;
+    // By multipliers in the sweep, whose compliance has the square of what is weak; as long as that leaves more than 1e-3 of it.
+    const auto by_multipliers = embedded_by(*model, {0});
+    Workspace other(*by_multipliers);
+    ASSERT_TRUE(forward_dynamics(*by_multipliers, other, {.q = at.q.data(), .v = at.v.data(), .tau = tau.data()}, vdot.data()));
+    EXPECT_LE(error_of(vdot, want), worse(1e-14 / e, 1e-11)) << e;
   }
 }
 
@@ -1188,6 +1223,35 @@ TEST(Loops, OfLinksThatBendKeepTheirEnergy) {
       q.push_back(sim.state().q);
     }
     EXPECT_LE(error_of(q[1], q[0]), 1e-8);
+  }
+}
+
+// A point mass on a ball turns about the line to it without inertia, so nothing of the open tree tells its v'. Where loops do, they are
+// closed by rates, however many are free.
+TEST(Loops, MoveWhatHasNoInertiaInTheOpenTree) {
+  BodySpec a = on(rigid("a", 3.0, {0.3, 0.1, 0.05}, diagonal({1, 2, 2.5})), "", "ball");
+  a.hinge.v = {0.3, -0.2, 0.5};
+  const BodySpec p = on(particle("p", 2.0, {0.3, 0.1, 0.05}), "a", "ball", {}, {0.3, 0.2, 0.1});
+  BodySpec b = on(rigid("b", 1.0, {0.1, 0.1, 0.05}, diagonal({1, 2, 2.5})), "a", "free");
+  for (const char* closing : {"point", "line", "universal", "revolute"}) {
+    SystemSpec spec = system({a, p, b}, uniform_gravity({0.3, -0.4, -9.81}));
+    LoopSpec loop;
+    loop.name = "loop", loop.type = closing;
+    if (loop.type == "universal") loop.params = test::along({{1, 0.2, 0}, {0, 1, 0.3}});
+    if (loop.type == "revolute") loop.params = test::along({{0, 1, 1}});
+    loop.from.body = "p", loop.from.position = {0.1, 0.2, 0.3}, loop.to.body = "b", loop.to.position = {0.4, 0.4, 0.4};
+    spec.loops = {loop};
+    EXPECT_EQ(compiled(spec)->loops.sets[0].form, "rates") << closing;
+    spec.loop_form = LoopForm::multipliers;
+    const auto model = compiled(spec);
+    EXPECT_LE(forms_apart(spec, {}, {LoopForm::embedding, LoopForm::dae}), 1e-12) << closing;
+    Workspace ws(*model);
+    const State at = model->initial_state();
+    VectorXd vdot(model->nv);
+    ASSERT_FALSE(forward_dynamics(*model, ws, {.q = at.q.data(), .v = at.v.data()}, vdot.data())) << closing;
+    const RunFailure failure = describe_breakdown(*model, ws.breakdown, 0.0);
+    EXPECT_EQ(failure.code, Code::singular_hinge);
+    EXPECT_NE(failure.hint.find("loop_form: auto"), std::string::npos) << failure.hint;
   }
 }
 
@@ -1365,6 +1429,8 @@ TEST(Loops, GoOnInTheirOwnBranchPastPosturesInLine) {
         double least = start;
         for (int k = 1; k <= 40; ++k) {
           sim.run(0.1 * k);
+          // Adams' history is off the loops of many bays by some thousand tolerances there, and that may be told.
+          EXPECT_TRUE(sim.ledger().pass || (n > 1 && options.integrator.method == "cvode_adams")) << of;
           const double angle = at("a", 0);
           least = std::min(least, angle);
           ASSERT_NEAR(at("b", 0), -angle, near) << of;

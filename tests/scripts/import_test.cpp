@@ -109,6 +109,20 @@ TEST(Import, TakesItsOptions) {
   }
 }
 
+// Limits between which nothing moves are no stops.
+TEST(Import, EqualLimitsAreNoStops) {
+  const TemporaryFolder dir;
+  const std::string inertial = "<inertial><mass value='1'/><inertia ixx='1' iyy='1' izz='1' ixy='0' ixz='0' iyz='0'/></inertial></link>\n";
+  write(dir / "r.urdf", "<robot name='r'>\n<link name='base'>" + inertial + "<link name='arm'>" + inertial +
+                            "<joint name='shoulder' type='revolute'><parent link='base'/><child link='arm'/>\n"
+                            "<limit lower='0.3' upper='0.3' effort='1' velocity='1'/></joint></robot>\n");
+  EXPECT_EQ(run_program({"import", "r.urdf", "--out", "v.yaml"}, dir.path()).exit_code, 0);
+  const Finished refused = run_program({"import", "r.urdf", "--stop-stiffness", "10", "--out", "w.yaml"}, dir.path());
+  EXPECT_EQ(refused.exit_code, 2);
+  for (const char* part : {"C0301", "r.urdf:4", "limits of joint \"shoulder\"", "0.3 twice", "type=\"fixed\""})
+    EXPECT_TRUE(has(refused.err, part)) << part << refused.err;
+}
+
 TEST(Import, WritesOverNothingThatItWasNotToldTo) {
   const TemporaryFolder dir;
   write(dir / "gripper.yaml", "mine");

@@ -123,6 +123,74 @@ near("crank", sat:hinge("crank"):angle(), a)
   EXPECT_EQ(moved, (std::vector<std::string>{"rod.angle", "rod.rate", "block.displacement", "block.rate"}));
 }
 
+// Crank and block are given such that no rod joins them: a vehicle that is refused, but for a mission that says where the block is.
+TEST(LoopsOfAMission, MayCloseAVehicleWhoseOwnStartDoesNot) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", R"yaml(
+cardan: 1
+bodies:
+  crank: {mass: 2, inertia: [1, 1, 1], nodes: {pin: {position: [0.2, 0, 0]}}, hinge: {type: revolute, axis: [0, 0, 1], to: world, initial: {angle: 1, rate: 1.5}}}
+  rod: {mass: 1, inertia: [1, 1, 1], nodes: {end: {position: [0.7, 0, 0]}}, hinge: {type: revolute, axis: [0, 0, 1], to: crank.pin}}
+  block: {mass: 3, inertia: [1, 1, 1], hinge: {type: prismatic, axis: [1, 0, 0], to: world, initial: {displacement: 5}}}
+loops:
+  pin: {type: line, from: rod.end, to: block}
+  jack: {type: distance, from: {body: world, position: [0, -1, 0]}, to: block, length: 2, prescribed: true, open: true}
+)yaml");
+  const std::string begin = "local sat = vehicle 'vehicle.yaml' mission { duration = 0.1, checkpoint = { period = '0.05 s' } }\n";
+  const auto ends = [&](const std::string& script, std::vector<std::string> command) {
+    write(dir / "scenario.lua", begin + script);
+    return run_program(command, dir.path());
+  };
+  for (const std::string before :
+       {"", "sat:node('rod.end'):load {}", "sat:hinge('crank'):torque(0)", "sim:linearize {}", "initial { crank = { rate = 1 } }"}) {
+    const Finished f = ends(before, {"check", "."});
+    EXPECT_EQ(f.exit_code, 2) << before;
+    EXPECT_NE(f.err.find("C1103"), std::string::npos) << f.err;
+  }
+  const std::string rescue = R"lua(
+sat:node("rod.end"):load {}
+local a = 1
+local x = 0.2 * math.cos(a) + math.sqrt(0.49 - (0.2 * math.sin(a)) ^ 2)
+initial { block = { displacement = x } }
+sat:node("crank.pin"):load {}
+local function near(what, got, want) assert(math.abs(got - want) < 1e-12, what .. ": " .. got .. " and " .. want) end
+near("crank", sat:hinge("crank"):angle(), a)
+near("its rate", sat:hinge("crank"):rate(), 1.5)
+near("block", sat:hinge("block"):q(), x)
+near("rod", sat:hinge("rod"):angle(), -a - math.asin(0.2 * math.sin(a) / 0.7))
+assert(math.abs(sat:hinge("block"):rate()) > 0.1)
+phase { name = "light", duration = 0.05, exit_ = function() sat:change { ["bodies.block.mass"] = "2 kg" } end }
+check { name = "closed", unit = "m", below = 1e-12, value = function() return sat:node("rod.end"):position() - sat:hinge("block"):q() end }
+)lua";
+  const Finished run = ends(rescue, {"run", ".", "--quiet", "--out", "out"});
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+  const Finished again = run_program({"run", "--again", "out/run.h5", "--quiet", "--out", "again"}, dir.path());
+  EXPECT_EQ(again.exit_code, 0) << again.err;
+  const Finished resumed = run_program({"run", "--resume", "out/run.h5", "--quiet", "--out", "on"}, dir.path());
+  EXPECT_EQ(resumed.exit_code, 0) << resumed.err;
+}
+
+// Of a hinge that is given in part the rest is what the vehicle says, not where the assembler put it for the vehicle's own start.
+TEST(LoopsOfAMission, KeepWhatTheVehicleSaysOfAHingeThatIsGivenInPart) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", R"yaml(
+cardan: 1
+bodies:
+  puck: {mass: 2, inertia: [1, 1, 1], hinge: {type: planar, axes: [[1, 0, 0], [0, 1, 0]], to: world}}
+loops:
+  string: {type: distance, from: {body: world, position: [-1, 0, 0]}, to: puck, length: 2}
+)yaml");
+  write(dir / "scenario.lua", R"lua(
+local sat = vehicle "vehicle.yaml"
+mission { duration = 0.1 }
+assert(math.abs(sat:hinge("puck"):q("x") - 1) < 1e-12)
+initial { puck = { y = math.sqrt(3) } }
+assert(math.abs(sat:hinge("puck"):q("x")) < 1e-12 and math.abs(sat:hinge("puck"):q("y") - math.sqrt(3)) < 1e-12)
+)lua");
+  const Finished f = run_program({"check", "."}, dir.path());
+  EXPECT_EQ(f.exit_code, 0) << f.out << f.err;
+}
+
 // One report of the three solutions, with flexible bodies, wheels and redundant rows among the vehicles.
 TEST(LoopsOfAMission, AreSolvedInThreeWaysThatDescribeCompares) {
   for (const char* scenario : {"04_capture_and_berth", "05_wing_deployment", "06_six_strut_platform", "07_rocker_bogie"}) {

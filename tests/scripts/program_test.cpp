@@ -306,6 +306,21 @@ TEST(Program, ASignalThatIsNotFiniteIsAWarning) {
   EXPECT_NE((run.out + run.err).find("warning[W0501]: signal a/b is inf"), std::string::npos) << run.out << run.err;
 }
 
+TEST(Program, WhatAStepReturnsIsTakenByNobodyWhichIsToldOnce) {
+  const auto with = [](const std::string& step) {
+    return pendulum_with("mission { duration = 1 }\ncontroller { name = 'c', rate = '10 Hz', step = function(t) " + step + " end }\n");
+  };
+  const Finished lost = with("return -3 * t");
+  EXPECT_EQ(lost.exit_code, 0) << lost.err;
+  const std::string told = lost.out + lost.err;
+  EXPECT_NE(told.find("warning[W0303]: its step returns a value, which nothing takes"), std::string::npos) << told;
+  EXPECT_NE(told.find("controller \"c\""), std::string::npos) << told;
+  for (const char* step : {"", "return", "return nil", "return print(t)"}) {
+    const Finished none = with(step);
+    EXPECT_EQ((none.out + none.err).find("W0303"), std::string::npos) << step;
+  }
+}
+
 TEST(Program, TheBudgetOfACallIsTheMissions) {
   const std::string loop = "controller { name = 'c', rate = '1 Hz', step = function() for i = 1, 1e6 do end end }\n";
   const Finished small = pendulum_with("mission { duration = 1, budget = { steps = 1e5 } }\n" + loop);

@@ -46,6 +46,7 @@ TEST(Summary, HasTheKeysThatToolsRelyOn) {
   EXPECT_EQ(j["ledger"]["linear_momentum"].get<double>(), 1e-15);
   EXPECT_EQ(j["ledger"]["angular_momentum"].get<double>(), 2e-14);
   EXPECT_EQ(j["ledger"]["energy"].get<double>(), 3e-12);
+  EXPECT_TRUE(j["ledger"]["undecided"].empty());
   EXPECT_EQ(j["simulated_s"].get<double>(), 120.0);
   EXPECT_EQ(j["wall_s"].get<double>(), 2.5);
   EXPECT_EQ(j["cpu_s"].get<double>(), 2.25);
@@ -67,6 +68,14 @@ TEST(Summary, HasTheKeysThatToolsRelyOn) {
   EXPECT_EQ(j["verdict"], "failed");
   EXPECT_EQ(j["planned_s"].get<double>(), 130.0);
   EXPECT_TRUE(j["failure"].is_null());
+}
+
+TEST(Summary, TellsTheBalancesWhoseLimitJudgesNothing) {
+  Summary s = example();
+  s.ledger.undecided = {"linear momentum", "energy"};
+  const Json ledger = Json::parse(to_json(s))["ledger"];
+  EXPECT_EQ(ledger["undecided"], (Json{"linear momentum", "energy"}));
+  EXPECT_EQ(ledger["verdict"], "pass");
 }
 
 TEST(Summary, HasWarningsWithPlaceCountAndTime) {

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <map>
+#include <string>
 
 #include "core/base/diagnostic.hpp"
 #include "core/sim/outputs.hpp"
@@ -35,6 +37,38 @@ TEST(Commands, OfIndicesThatThereAreNotAreRefused) {
   const int unknown = sim.model().find_node("nowhere");
   EXPECT_EQ(code_of([&] { standard_outputs(sim, {.reactions = {}, .nodes = {unknown}}); }), "C0202");
   EXPECT_EQ(code_of([&] { standard_outputs(sim, {.reactions = {99}, .nodes = {}}); }), "C0201");
+}
+
+// The force on a coordinate whose coefficient is one.
+TEST(Outputs, AMultiplierOfACouplingHasTheUnitThatItsRowGives) {
+  const BodySpec wheel = rigid("", 1.0, Eigen::Vector3d::Zero(), Eigen::Matrix3d::Identity());
+  SystemSpec spec;
+  for (const auto& [name, type] : {std::pair{"motor", "revolute"}, {"drum", "revolute"}, {"rack", "prismatic"}, {"slide", "prismatic"}}) {
+    spec.bodies.push_back(on(wheel, "", type, {{0, 0, 1}}));
+    spec.bodies.back().name = name;
+  }
+  const auto couple = [&](const char* name, std::vector<LoopSpec::Term> terms) {
+    LoopSpec& l = spec.loops.emplace_back();
+    l.name = name, l.type = "coupling", l.terms = std::move(terms), l.open = name[0] == 'o';
+  };
+  couple("gear", {{"motor", 1.0, {}}, {"drum", -50.0, {}}});
+  couple("open_ratio", {{"motor", 17.0, {}}, {"drum", -50.0, {}}});
+  couple("pinion", {{"motor", 0.02, {}}, {"rack", -1.0, {}}});
+  couple("open_screw", {{"rack", 3000.0, {}}, {"motor", 1.0, {}}});
+  couple("open_slides", {{"rack", 2.0, {}}, {"slide", 1.0, {}}});
+  couple("open_both", {{"rack", 1.0, {}}, {"motor", 1.0, {}}});
+  couple("open_none", {{"rack", 2.0, {}}, {"motor", 3.0, {}}});
+  Simulation sim(compiled(spec), {});
+  std::map<std::string, std::string> units;
+  for (const Output& o : standard_outputs(sim))
+    if (o.channel.path.ends_with("/multiplier")) units[o.channel.path] = o.channel.unit;
+  EXPECT_EQ(units, (std::map<std::string, std::string>{{"loops/gear/multiplier", "N m"},
+                                                       {"loops/open_ratio/multiplier", "N m"},
+                                                       {"loops/pinion/multiplier", "N"},
+                                                       {"loops/open_screw/multiplier", "N m"},
+                                                       {"loops/open_slides/multiplier", "N"},
+                                                       {"loops/open_both/multiplier", "1"},
+                                                       {"loops/open_none/multiplier", "1"}}));
 }
 
 TEST(Commands, WrenchesAreOnNodesThatThereAre) {

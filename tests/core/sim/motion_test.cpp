@@ -153,6 +153,23 @@ TEST(Ledger, SaysWhenABalanceDoesNotClose) {
   for (std::size_t i = 1; i < told.size(); ++i) EXPECT_NE(told[i], told[i - 1]);
 }
 
+/// Of a rotor out of balance that nothing accelerates steps are many turns long, and of the force of its bearing nothing is known: that is
+/// told, and is no fault.
+TEST(Ledger, HasNoVerdictWhereItsLimitIsTheSumItself) {
+  for (const auto& [method, relative, rate] :
+       {std::tuple{"dopri5", 1e-11, 57.1591864838323}, {"exponential", 1e-6, 23.514357889037875}, {"rk4", 1e-9, 3.0}}) {
+    BodySpec rotor = on(rigid("rotor", 2.0, {0.1, 0, 0}, diagonal({1, 1, 1})), "", "revolute", {{0, 0, 1}});
+    rotor.hinge.v = {rate};
+    Simulation sim(compiled(system({rotor})), by(method, relative, 1e-3));
+    sim.every({1, 1}, [&] { sim.ledger(); });
+    sim.run(20.0);
+    EXPECT_TRUE(sim.worst_ledger().pass) << method;
+    EXPECT_TRUE(sim.warnings().all().empty()) << method << render(sim.warnings());
+    const std::vector<std::string> undecided = sim.worst_ledger().undecided();
+    EXPECT_EQ(undecided, (rate > 10.0 ? std::vector<std::string>{"linear momentum"} : std::vector<std::string>{})) << method;
+  }
+}
+
 /// The force that a given motion needs works: on its modes as well as on its hinges, and on a mode whose own motion is free it does none.
 TEST(Ledger, CountsTheWorkOfModesWhoseMotionIsGiven) {
   BodySpec base = on(rigid("base", 10.0, {0.1, 0, 0}, diagonal({2, 3, 4})), "", "free");
