@@ -52,6 +52,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
 
 // The integrator, at the present state.
 void Simulation::restart() {
+  bounce({});
   settle_holds();
   start_given_motion();
   start_closed();

@@ -134,6 +134,62 @@ TEST(HardStop, LetsWhatFallsComeToRest) {
   }
 }
 
+/// Bodies on a line that touch: `relative` is the rate of each against the one before it, and so are stops of restitution e.
+Simulation row_of_balls(const std::vector<double>& masses, const std::vector<double>& relative, double e, double gap_behind_first) {
+  std::vector<BodySpec> balls;
+  for (std::size_t i = 0; i < masses.size(); ++i) {
+    BodySpec b = on(particle(fmt::format("ball_{}", i), masses[i], {0, 0, 0}), i == 0 ? "" : balls.back().name, "prismatic", {{1, 0, 0}});
+    b.hinge.q = {i == 1 ? gap_behind_first : 0.0}, b.hinge.v = {relative[i]};
+    if (i > 0) b.hinge.loads = {hard_stop(0.0, kNever, 1e6, e, 1e-6)};
+    balls.push_back(b);
+  }
+  return {compiled(system(balls)), accurate()};
+}
+
+/// What moves into the stop that it stands at when the run begins comes to it as well.
+TEST(HardStop, BouncesWhatStandsAtItAtTheStart) {
+  for (const double e : {1.0, 0.5, 0.0}) {
+    Simulation sim = row_of_balls({2.0, 1.0}, {0.3, -1.2}, e, 0.0);
+    sim.run(0.1);
+    EXPECT_NEAR(sim.state().v[1], 1.2 * e, 1e-14);
+    EXPECT_NEAR(sim.state().v[0], 0.3 - (1.0 + e) * 1.2 / 3.0, 1e-14);
+    EXPECT_TRUE(sim.ledger().pass);
+  }
+}
+
+/// Newton's cradle: a blow goes through balls that touch, and the last one leaves. With losses by the same blows one after the other, by
+/// hand.
+TEST(HardStop, PassesABlowOn) {
+  Simulation cradle = row_of_balls({1, 1, 1, 1}, {2, -2, 0, 0}, 1.0, 0.5);
+  cradle.run(0.5);
+  EXPECT_LT((cradle.state().v - Eigen::Vector4d(0, 0, 0, 2)).norm(), 1e-10);
+  EXPECT_LT((cradle.state().q - Eigen::Vector4d(0.5, 0, 0, 0.5)).norm(), 1e-10);
+
+  Simulation lossy = row_of_balls({1, 1, 1}, {2, -2, 0}, 0.5, 0.5);
+  lossy.run(0.5);
+  std::array<double, 3> v = {2, 0, 0};
+  for (const std::size_t i : {0, 1, 0, 1}) {  // 0.5 | 1.5, 0.375 | 1.125, 0.40625 | 0.46875: they part
+    const double u = v[i] - v[i + 1];
+    if (u > 0.0) v[i] -= 0.75 * u, v[i + 1] += 0.75 * u;
+  }
+  EXPECT_NEAR(lossy.state().v[0], v[0], 1e-10);
+  EXPECT_NEAR(lossy.state().v[0] + lossy.state().v[1], v[1], 1e-10);
+  EXPECT_NEAR(lossy.state().v[0] + lossy.state().v[1] + lossy.state().v[2], v[2], 1e-10);
+  EXPECT_TRUE(lossy.ledger().pass);
+}
+
+/// A ball that stands at its stop and is pressed into it by what is slower than `speed` does not bounce when another one is struck.
+TEST(HardStop, LeavesWhatPressesIntoAnotherStop) {
+  BodySpec a = on(particle("a", 1.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}});
+  a.hinge.v = {0.005}, a.hinge.loads = {hard_stop(-kNever, 0.0, 100.0, 0.5, 0.01)};
+  BodySpec b = on(particle("b", 1.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}});
+  b.hinge.q = {-0.05}, b.hinge.v = {1.0}, b.hinge.loads = {hard_stop(-kNever, 0.0, 100.0, 0.5, 0.01)};
+  Simulation both(compiled(system({a, b})), accurate()), alone(compiled(system({a})), accurate());
+  both.run(0.1), alone.run(0.1);
+  EXPECT_NEAR(both.state().v[0], alone.state().v[0], 1e-12);
+  EXPECT_NEAR(both.state().v[1], -0.5, 1e-12);
+}
+
 TEST(Stop, ThatIsPassedAtTheStartIsTold) {
   for (const double q : {0.25, 0.3, 0.35}) {
     Simulation sim(compiled(slide(2.0, q, 0.0, {hard_stop(-kNever, 0.3, 10.0, 0.5, 0.01)})), accurate());
