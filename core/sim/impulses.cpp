@@ -126,8 +126,24 @@ void Simulation::bounce(std::span<const int> crossed) {
     jump(fmt::format("{} limit of {}.{}", limit.side > 0 ? "upper" : "lower", u.name, u.v_names[static_cast<std::size_t>(limit.v - u.v)]));
     rate_before(limit) = state_.v[limit.v];
   };
-  for (std::size_t i = 0; i < crossed.size(); ++i)
-    if (crossed[i] == limits_[i].side && inwards(limits_[i]) > limits_[i].bounce.speed) turn_over(limits_[i]);
+  // It is beyond by what its crossing is resolved to, and would be pushed at from there on its way back.
+  const auto come_back = [&](const Limit& limit) {
+    ledger();  // up to here
+    const Momentum p_before = momentum();
+    const double e_before = energy().total();
+    state_.q[limit.q] = limit.value;
+    changed();
+    const Momentum p = momentum();
+    Balances::Integrals given;
+    given << p.linear - p_before.linear, p.angular - p_before.angular, energy().total() - e_before;
+    balances_.jump(given);
+  };
+  for (std::size_t i = 0; i < crossed.size(); ++i) {
+    const Limit& limit = limits_[i];
+    if (crossed[i] != limit.side || !(inwards(limit) > limit.bounce.speed)) continue;
+    come_back(limit);
+    turn_over(limit);
+  }
   // What rests against a stop and is struck in this instant, by this blow or another, bounces as well, the fastest first.
   const auto struck = [&](const Limit& limit) {
     return limit.side * (state_.q[limit.q] - limit.value) >= 0.0 && inwards(limit) > limit.bounce.speed &&
