@@ -119,7 +119,8 @@ void Simulation::bounce(std::span<const int> crossed) {
     impulse = 1.0;
     find_jump();
     const double by_one = impulse_.jump[limit.v];
-    if (!(by_one > 0.0)) return changed();  // its motion is given
+    changed();                    // what was seen is that of rest
+    if (!(by_one > 0.0)) return;  // its motion is given
     impulse = -(1.0 + limit.bounce.restitution) * state_.v[limit.v] / by_one;
     const UserBody& u =
         *std::ranges::find_if(model_->user, [&](const UserBody& body) { return limit.v >= body.v && limit.v < body.v + body.nv; });

@@ -92,6 +92,19 @@ TEST(HardStop, KeepsMomentumOfWhatFloats) {
   }
 }
 
+/// In orbit as well: the balances see the blow, and nothing of how its size was found.
+TEST(HardStop, KeepsMomentumInOrbit) {
+  BodySpec bus = on(rigid("bus", 10.0, {0, 0, 0}, diagonal({2, 2, 3})), "", "free");
+  bus.hinge.q = {1, 0, 0, 0, 7e6, 0, 0}, bus.hinge.v = {0, 0, 0.2, 0, 7546, 0};
+  BodySpec arm = on(rigid("arm", 2.0, {0.4, 0, 0}, diagonal({0.1, 0.2, 0.2})), "bus", "revolute", {{0, 0, 1}}, {0.5, 0, 0});
+  arm.hinge.v = {0.5}, arm.hinge.loads = {hard_stop(-kNever, 0.3, 1e4, 0.6, 0.05)};
+  Simulation sim(compiled(system({bus, arm}, central_gravity(3.986e14, true))), accurate("dop853", 1e-12));
+  sim.run(1.0);
+  EXPECT_LT(sim.state().v[6], 0.0);
+  const LedgerState ledger = sim.ledger();
+  EXPECT_TRUE(ledger.pass) << ledger.linear_relative << ", " << ledger.angular_relative << ", " << ledger.energy_relative;
+}
+
 /// Where a gear couples two hinges, both turn over: what the stop meets is J_1 + n^2 J_2.
 TEST(HardStop, MeetsAllThatAGearCouples) {
   const double J_1 = 1.0, J_2 = 4.0, n = 2.0, e = 0.5;
