@@ -369,8 +369,10 @@ double Observer::actuator_power() const {
   if (in_.tau)
     for (int i = 0; i < model_.nv; ++i)
       if (!model_.has_prescribed() || !model_.prescribed[i]) power += in_.tau[i] * in_.v[i];
-  for (const HingeLoad& load : model_.loads)  // tau holds their forces too; the stored part is in the energy
-    power -= hinge_laws::force(load, in_.q[load.q], 0.0) * in_.v[load.v];
+  for (std::size_t i = 0; i < model_.loads.size(); ++i) {  // tau holds their forces too; the stored part is in the energy
+    const HingeLoad& load = model_.loads[i];
+    power -= hinge_laws::force(load, loads_at_ ? loads_at_[i] : in_.q[load.q], 0.0) * in_.v[load.v];
+  }
   if (model_.has_prescribed()) {
     std::vector<double>& tau = prescribed_tau_;
     prescribed_forces(tau.data());

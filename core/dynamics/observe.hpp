@@ -45,6 +45,9 @@ class Observer {
  public:
   Observer(const Model& model, Workspace& workspace);
 
+  /// Where hinge loads were found to be, in the order of Model::loads, if that is not q (null): read anew at each state.
+  void loads_at(const double* coordinates) { loads_at_ = coordinates; }
+
   /// To be called first for each state: poses, velocities, inertias. vdot may be null (no accelerations then).
   void update(const Inputs& in, const double* vdot);
 
@@ -80,7 +83,7 @@ class Observer {
   const Model& model_;
   Workspace& ws_;
   Inputs in_;
-  const double* vdot_ = nullptr;
+  const double *vdot_ = nullptr, *loads_at_ = nullptr;
   std::vector<NodeWrench> loads_;                 // wrenches of the inputs and of closed loops
   std::vector<RigidInertia<double>> inertia_;     // rigid part of M_fl per sweep body
   std::vector<std::vector<double>> M_re_, M_ee_;  // flexible bodies

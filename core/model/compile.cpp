@@ -450,7 +450,12 @@ class Compiler {
     if (m.world) m.program.push_back({OpCode::world});
     if (central) m.program.push_back({OpCode::central_gravity});
     if (!m.devices.all.empty()) m.program.push_back({OpCode::devices});
-    if (options_.node_wrenches || m.devices.n_loads > 0) m.program.push_back({OpCode::node_wrenches});
+    const auto strikes = [](const Device& d) {
+      return std::ranges::any_of(d.mounts,
+                                 [](const DeviceMount& mount) { return (mount.use & CARDAN_USE_IMPULSE) != 0 && mount.node >= 0; });
+    };
+    if (options_.node_wrenches || m.devices.n_loads > 0 || std::ranges::any_of(m.devices.all, strikes))
+      m.program.push_back({OpCode::node_wrenches});
     if (!m.loops.empty()) m.program.push_back({OpCode::keep});
     for (int r = n_runs - 1; r >= 0; --r) m.program.push_back({OpCode::inward, r});
     for (int r = 0; r < n_runs; ++r) m.program.push_back({OpCode::acceleration, r});

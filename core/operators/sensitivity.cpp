@@ -121,7 +121,8 @@ void Sensitivities::at(const Inputs& in, const DeviceForces* devices) {
 void Sensitivities::let_devices_act(double* dtau) {
   const Model& m = *model_;
   const soa::Sweeps<Tangent>& S = soa::sweeps<Tangent>();
-  const soa::Inputs<Tangent> in{.q = q_t_.data(), .v = v_t_.data(), .wrenches = wrenches_t_, .moment = moment_.get()};
+  const soa::Inputs<Tangent> in{
+      .q = q_t_.data(), .v = v_t_.data(), .vdot = vdot_t_.data(), .wrenches = wrenches_t_, .moment = moment_.get()};
   tangent().articulated = false;
   S.ground(m, tangent(), in);
   soa::run_kinematics<Tangent>(m, S, tangent(), in);

@@ -49,6 +49,7 @@ Checkpoint Simulation::checkpoint() {
     begin_ledger();
     history_.begin(state_.t, static_cast<int>(x_.size()));
   }
+  bounce({});
   settle_holds();
   start_given_motion();
   history_.restarted(restart_.value_or(RestartCause::checkpoint));

@@ -10,6 +10,8 @@
 namespace cardan {
 namespace {
 
+constexpr int kBounces = 1000;  // in one instant; what then still moves into a stop presses into it
+
 Eigen::Vector3d moment_of(const NodeWrench& w) { return to_eigen(w.f.n); }
 Eigen::Vector3d force_of(const NodeWrench& w) { return to_eigen(w.f.f); }
 
@@ -107,10 +109,9 @@ void Simulation::jump(const std::string& by) {
 }
 
 void Simulation::bounce(std::span<const int> crossed) {
-  for (std::size_t i = 0; i < limits_.size(); ++i) {
-    const Limit& limit = limits_[i];
-    const double rate = limit.side * state_.v[limit.v];
-    if (crossed[i] != limit.side || !(rate > limit.bounce.speed)) continue;
+  const auto inwards = [&](const Limit& limit) { return limit.side * state_.v[limit.v]; };
+  const auto rate_before = [&](const Limit& limit) -> double& { return x_[static_cast<std::size_t>(model_->nq + limit.v)]; };
+  const auto turn_over = [&](const Limit& limit) {
     observe();
     impulse_.wrenches.clear();
     impulse_.hinges.setZero(model_->nv);
@@ -118,14 +119,43 @@ void Simulation::bounce(std::span<const int> crossed) {
     impulse = 1.0;
     find_jump();
     const double by_one = impulse_.jump[limit.v];
-    if (!(by_one > 0.0)) {  // its motion is given
-      changed();
-      continue;
-    }
+    changed();                    // what was seen is that of rest
+    if (!(by_one > 0.0)) return;  // its motion is given
     impulse = -(1.0 + limit.bounce.restitution) * state_.v[limit.v] / by_one;
     const UserBody& u =
         *std::ranges::find_if(model_->user, [&](const UserBody& body) { return limit.v >= body.v && limit.v < body.v + body.nv; });
     jump(fmt::format("{} limit of {}.{}", limit.side > 0 ? "upper" : "lower", u.name, u.v_names[static_cast<std::size_t>(limit.v - u.v)]));
+    rate_before(limit) = state_.v[limit.v];
+  };
+  // It is beyond by what its crossing is resolved to, and would be pushed at from there on its way back.
+  const auto come_back = [&](const Limit& limit) {
+    ledger();  // up to here
+    const Momentum p_before = momentum();
+    const double e_before = energy().total();
+    state_.q[limit.q] = limit.value;
+    changed();
+    const Momentum p = momentum();
+    Balances::Integrals given;
+    given << p.linear - p_before.linear, p.angular - p_before.angular, energy().total() - e_before;
+    balances_.jump(given);
+  };
+  for (std::size_t i = 0; i < crossed.size(); ++i) {
+    const Limit& limit = limits_[i];
+    if (crossed[i] != limit.side || !(inwards(limit) > limit.bounce.speed)) continue;
+    come_back(limit);
+    turn_over(limit);
+  }
+  // What rests against a stop and is struck in this instant, by this blow or another, bounces as well, the fastest first.
+  const auto struck = [&](const Limit& limit) {
+    return limit.side * (state_.q[limit.q] - limit.value) >= 0.0 && inwards(limit) > limit.bounce.speed &&
+           !(limit.side * rate_before(limit) > limit.bounce.speed) && !model_->has_given_motion(limit.v);
+  };
+  for (int left = kBounces; left > 0; --left) {
+    const Limit* next = nullptr;
+    for (const Limit& limit : limits_)
+      if (struck(limit) && (next == nullptr || inwards(limit) > inwards(*next))) next = &limit;
+    if (next == nullptr) return;
+    turn_over(*next);
   }
 }
 

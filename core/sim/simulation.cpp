@@ -54,10 +54,10 @@ void Simulation::build() {
   normalised_ = std::ranges::any_of(m.user, [](const UserBody& u) { return u.nq > 0 && u.hinge->normalise; });
   plugins_ = has_plugins(m);
   limits_.clear();
-  for (const HingeLoad& load : m.loads)
+  for (std::size_t i = 0; i < m.loads.size(); ++i)
     for (const std::size_t side : {0, 1})
-      if (load.law == HingeLaw::stop && std::isfinite(load.p[side]))
-        limits_.push_back({load.q, load.v, side == 0 ? -1 : 1, load.p[side], load.bounce});
+      if (const HingeLoad& load = m.loads[i]; load.law == HingeLaw::stop && std::isfinite(load.p[side]))
+        limits_.push_back({load.q, load.v, side == 0 ? -1 : 1, load.p[side], load.bounce, i});
   x_given_.assign(static_cast<std::size_t>(m.nq + m.nv + m.devices.n_z), 0.0);
   prescribed_.clear();
   for (int i = 0; i < m.nv; ++i) {
@@ -80,6 +80,8 @@ void Simulation::build() {
     if (m.user[i].nv < 6) world_rates_ = true;
   }
   observer_ = std::make_unique<Observer>(m, workspace_);
+  loads_at_.resize(m.loads.size());
+  observer_->loads_at(loads_at_.data());
   fields_.reset();
   moment_ = nullptr;
   if ((gravity_field_ = field_of_gravity(m)) >= 0) {

@@ -397,8 +397,11 @@ class Simulation {
     int q, v, side;  // of the component; 1: an upper limit, -1: a lower one
     double value;
     Bounce bounce;
+    std::size_t load;    // into Model::loads
+    bool ahead = false;  // a hard stop that the step at hand began before: until it is passed, which is located, there is none
   };
-  std::vector<Limit> limits_;  // of stops: where q passes one the right-hand side has a corner
+  std::vector<double> loads_at_;  // coordinates of Model::loads as apply_forces() took them
+  std::vector<Limit> limits_;     // of stops: where q passes one the right-hand side has a corner
   struct Prescribed {
     int index;       // into v
     int coordinate;  // into q, where that is the integral of v; else -1

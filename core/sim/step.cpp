@@ -52,6 +52,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
 
 // The integrator, at the present state.
 void Simulation::restart() {
+  bounce({});
   settle_holds();
   start_given_motion();
   start_closed();
@@ -74,6 +75,7 @@ void Simulation::step(double t_stop) {
   const double corner = next_corner();
   StepReport report;
   stretch_ = state_.t;
+  for (Limit& limit : limits_) limit.ahead = std::isfinite(limit.bounce.speed) && limit.side * (state_.q[limit.q] - limit.value) < 0.0;
   try {
     const Stopwatch watch(timed(&RunProfile::step));
     report = integrator_->step(t_stop, x_.data());
@@ -83,6 +85,7 @@ void Simulation::step(double t_stop) {
   }
   history_.stepped(report, report.t - state_.t, integrator_->worst());
   stretch_ = std::numeric_limits<double>::infinity();
+  for (Limit& limit : limits_) limit.ahead = false;
   ++steps_;
   if (!thrown_.empty()) fail(explain({}));
   expect_finite(x_);
@@ -134,7 +137,14 @@ void Simulation::apply_forces(double t, double since, const double* q, const dou
   if (fields_) moment_ = &fields_->at(gravity_field_, t);
   for (const HingeLoad& load : model_->loads) tau_total_[static_cast<std::size_t>(load.v)] = tau_[static_cast<std::size_t>(load.v)];
   if (devices_) tau_total_ = tau_;  // they add theirs during the sweeps
-  hinge_laws::add_forces(*model_, q, v, tau_total_.data());
+  auto limit = limits_.begin();
+  for (std::size_t i = 0; i < model_->loads.size(); ++i) {
+    const HingeLoad& load = model_->loads[i];
+    double& at = loads_at_[i] = q[load.q];
+    for (; limit != limits_.end() && limit->load == i; ++limit)
+      if (limit->ahead && limit->side * (at - limit->value) > 0.0) at = limit->value;
+    tau_total_[static_cast<std::size_t>(load.v)] += hinge_laws::force<double>(load, at, v[load.v]);
+  }
   for (const auto& p : prescribed_) vdot_given_[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t, since);
   drive_loops(t, since, drives_);
 }

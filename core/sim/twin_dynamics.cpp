@@ -97,8 +97,13 @@ reference::Mat3X<T> twin_drives(std::span<const LoopDrive> drives) {
 }
 
 template <class T>
-TwinDynamics<T>::TwinDynamics(const Model& model) : model_(known(model)), foreign_(foreign_hinges(model)), twin_(made(*model.spec)) {
-  for (int i = 0; i < model.nv; ++i) prescribed_.push_back(model.has_prescribed() && model.prescribed[static_cast<std::size_t>(i)] != 0);
+TwinDynamics<T>::TwinDynamics(const Model& model) : model_(known(model)), foreign_(foreign_hinges(model)), twin_(made(*model.spec)) {}
+
+template <class T>
+std::vector<bool> TwinDynamics<T>::prescribed() const {
+  std::vector<bool> out(static_cast<std::size_t>(model_.nv), false);
+  for (std::size_t i = 0; model_.has_prescribed() && i < out.size(); ++i) out[i] = model_.prescribed[i] != 0;
+  return out;
 }
 
 template <class T>
@@ -135,11 +140,12 @@ reference::NodeWrenches<T> TwinDynamics<T>::wrenches(const reference::DenseState
 template <class T>
 typename TwinDynamics<T>::VecX TwinDynamics<T>::vdot(const reference::DenseState<T>& state, const TwinLoads<T>& loads) const {
   VecX tau(model_.nv), given = VecX::Zero(model_.nv);
+  const std::vector<bool> is_given = prescribed();
   for (int i = 0; i < model_.nv; ++i) {
     tau[i] = T(loads.tau[i]);
-    if (prescribed_[static_cast<std::size_t>(i)]) given[i] = loads.vdot[i];
+    if (is_given[static_cast<std::size_t>(i)]) given[i] = loads.vdot[i];
   }
-  return state.hybrid(tau, prescribed_, given, wrenches(state, loads)).vdot;
+  return state.hybrid(tau, is_given, given, wrenches(state, loads)).vdot;
 }
 
 template reference::Mat3X<double> twin_drives(std::span<const LoopDrive>);

@@ -41,7 +41,8 @@ class TwinDynamics {
   /// v' of at(); throws NumericsError N0101 where M of the free components is not positive definite.
   VecX vdot(const reference::DenseState<T>& state, const TwinLoads<T>& loads) const;
   /// Which components of v are given.
-  const std::vector<bool>& prescribed() const { return prescribed_; }
+  /// Of which components the motion is given now: what devices hold comes and goes.
+  std::vector<bool> prescribed() const;
 
  private:
   reference::DenseTwin<T> made(const SystemSpec& spec);
@@ -49,7 +50,6 @@ class TwinDynamics {
   const Model& model_;
   reference::ForeignHinges foreign_;
   const FieldMoment* moment_ = nullptr;
-  std::vector<bool> prescribed_;
   reference::DenseTwin<T> twin_;
 };
 

@@ -25,7 +25,7 @@ struct Thruster {
                                                {"supply", CARDAN_PORT_IN, "1", 1.0, 0, "of a tank: pressure over that of the thrust"},
                                                {"thrust", CARDAN_PORT_OUT, "N", 0.0, 3, "force"},
                                                {"flow", CARDAN_PORT_OUT, "kg/s", 0.0, 3, "of propellant"}};
-  static constexpr cardan_state_desc states[] = {{"level", "1", 0.0, 1.0, "how far it is open"},
+  static constexpr cardan_state_desc states[] = {{"level", "1", 0.0, 1.0, "how far it is open; as at the start where it opens at once"},
                                                  {"propellant", "kg", 0.0, 1.0, "used so far"}};
 
   static bool pack(const Params& params, Packed& p) {
@@ -44,8 +44,7 @@ struct Thruster {
     const T command = in.in[0] > T(1.0) ? T(1.0) : in.in[0] < T(0.0) ? T(0.0) : in.in[0];
     const double time = command > in.z[0] ? p.rise : p.fall;
     const T level = time > 0.0 ? in.z[0] : command, force = T(p.thrust) * level * in.in[1], flow = force / T(p.impulse * 9.80665);
-    // Of a valve without delay the state is read nowhere.
-    out.zdot[0] = (command - in.z[0]) / T(time > 0.0 ? time : 1.0);
+    out.zdot[0] = time > 0.0 ? (command - in.z[0]) / T(time) : T(0.0);
     out.zdot[1] = flow;
     out.load[0].force = {force * T(p.direction[0]), force * T(p.direction[1]), force * T(p.direction[2])};
     out.out[0] = force, out.out[1] = flow;

@@ -138,6 +138,22 @@ TEST(CantileverWithTipMass, HasTheRootsOfItsPayload) {
   }
 }
 
+TEST(CantileverWithTipBody, HasTheRootsOfItsPayload) {
+  const Published ref("flex-cantilever-tip-body");
+  ModalSource source = plane_beam();
+  source.boundary = Boundary::craig_bampton;
+  source.modes.count = 16;
+  source.points = {{"tip", X, true}};
+  const double J = ref.model()["inertia"].as<double>();
+  BodySpec payload =
+      on(rigid("payload", ref.model()["mass"].as<double>(), ref.model()["offset"].as<double>() * X, diagonal({J, J, J})), "beam", "locked");
+  payload.hinge.inboard_node = "tip";
+  const VectorXd want = ref.vector("roots");
+  const VectorXd x =
+      omega2(system({flexible("beam", std::make_shared<const ModalData>(make_modal_data(source))), payload})).array().pow(0.25);
+  for (int k = 0; k < 4; ++k) expect_relative(fmt::format("root {}", k + 1), x[k], want[k], ref.tolerance("rel"));
+}
+
 // Flap of a spinning blade: analytic clamped-free modes with the shortening u = -1/2 int w'^2 dx as second-order field
 // Q. The blade's points are those of a Gauss rule, weighted by it: integrals of the products of shapes are exact to
 // rounding.

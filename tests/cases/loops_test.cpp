@@ -357,5 +357,60 @@ TEST(Bennett, TurnsAboutFourAxesOfWhichCountingAllowsNone) {
   expect_within("residual", open(*sim), 2e-14);
 }
 
+/// O and A on the ground, the near corner P on the crank from A, B and C at the ends of the long rods from O, the far corner Q.
+TEST(Peaucellier, DrawsAStraightLine) {
+  const Published ref("loop-peaucellier");
+  const auto of = [&](const char* name) { return ref.model()[name].as<double>(); };
+  const double a = of("crank_m"), l = of("long_rods_m"), s = of("short_rods_m"), angle = ref.initial()["crank_rad"].as<double>();
+  const Vector3d A = a * X, P = A + a * Vector3d(std::cos(angle), std::sin(angle), 0.0), u = P.normalized(), w = Z.cross(u);
+  const double d = P.norm(), along = (l * l - s * s + d * d) / (2.0 * d), across = std::sqrt(l * l - along * along);
+  const Vector3d B = along * u + across * w, C = along * u - across * w, Q = (2.0 * along - d) * u;
+  const auto direction = [](const Vector3d& v) { return std::atan2(v.y(), v.x()); };
+  const auto rod = [&](const std::string& name, const char* kind, const std::string& on_rod, double at, const Vector3d& way,
+                       double before) {
+    const double length = way.norm(), m = ref.model()["masses_kg"][kind].as<double>(), J = m * length * length / 12.0;
+    BodySpec out = on(rigid(name, m, 0.5 * length * X, diagonal({1e-3, J, J})), on_rod, "revolute", {Z}, at * X);
+    out.hinge.q = {direction(way) - before};
+    return out;
+  };
+  std::vector<BodySpec> bodies = {rod("crank", "crank", "", a, P - A, 0.0),
+                                  rod("OB", "long", "", 0.0, B, 0.0),
+                                  rod("OC", "long", "", 0.0, C, 0.0),
+                                  rod("PB", "short", "crank", a, B - P, angle),
+                                  rod("PC", "short", "crank", a, C - P, angle),
+                                  rod("BQ", "short", "OB", l, Q - B, direction(B)),
+                                  rod("CQ", "short", "OC", l, Q - C, direction(C))};
+  bodies[0].hinge.v = {ref.initial()["rate_rads"].as<double>()};
+  NodeSpec corner;
+  corner.name = "corner", corner.position = s * X;
+  bodies[5].nodes = {corner};
+  SystemSpec spec = system(bodies);
+  for (const auto& [from, to, at] : {std::tuple("PB", "OB", l), {"PC", "OC", l}, {"BQ", "CQ", s}}) {
+    LoopSpec pin;
+    pin.name = fmt::format("{}_{}", from, to), pin.type = "revolute", pin.params = test::along({Z});
+    pin.from.body = from, pin.from.position = s * X, pin.to.body = to, pin.to.position = at * X;
+    spec.loops.push_back(pin);
+  }
+  spec.assembly.hold = {"crank"};
+  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+    spec.loop_form = form;
+    const std::string by = form == LoopForm::embedding ? "embedded: " : "multipliers: ";
+    const auto sim = run_of(spec, "dop853");
+    const int node = sim->model().find_node("BQ.corner");
+    double off = 0.0;
+    sim->every({1, 100}, [&] { off = worse(off, std::abs(sim->observe().node(node).position.x() - ref.number("x of the far corner"))); });
+    double rate = 0.0, y = 0.0;
+    const auto there = crossings(
+        *sim, +1, [](const double* q, const double*) { return q[0] - 1.2; },
+        [&] { rate = sim->state().v[0], y = sim->observe().node(node).position.y(); });
+    sim->run(0.7);
+    ASSERT_EQ(there->size(), 1u);
+    expect_within(by + "off the line", off, ref.tolerance("line_m"));
+    expect_relative(by + "time at 1.2 rad", there->front(), ref.number("time at 1.2 rad"), ref.tolerance("rel"));
+    expect_relative(by + "rate at 1.2 rad", rate, ref.number("rate at 1.2 rad"), ref.tolerance("rel"));
+    expect_relative(by + "y of the far corner at 1.2 rad", y, ref.number("y of the far corner"), ref.tolerance("rel"));
+  }
+}
+
 }  // namespace
 }  // namespace cardan::test

@@ -496,5 +496,24 @@ TEST(LuGreFriction, SticksAndSlipsAsAnotherProgramSays) {
   expect_absolute("top speed [m/s]", top, ref.number("top speed"), ref.tolerance("speed_ms"));  // between looks 1e-7 of it
 }
 
+TEST(Chimney, BendsMostAtAThirdOfItsHeight) {
+  const Published ref("rigid-falling-chimney");
+  const double L = ref.model()["length_m"].as<double>(), m = ref.model()["mass_kg"].as<double>(),
+               g = ref.model()["gravity_ms2"].as<double>();
+  const VectorXd cuts = ref.vector("cuts"), moments = ref.vector("moments"), shear = ref.vector("shear forces");
+  const auto part = [&](const char* name, double length) {
+    const double mass = m * length / L, J = mass * length * length / 12.0;
+    return rigid(name, mass, 0.5 * length * X, diagonal({1e-3, J, J}));
+  };
+  for (int i = 0; i < cuts.size(); ++i) {
+    BodySpec low = on(part("low", cuts[i]), "", "revolute", {Z}), up = on(part("up", L - cuts[i]), "low", "locked", {}, cuts[i] * X);
+    low.hinge.q = {ref.initial()["angle_rad"].as<double>()};
+    const auto sim = run_of(system({low, up}, uniform_gravity(-g * Y)));
+    const auto wrench = sim->observe().hinge_wrench(1);
+    expect_absolute(fmt::format("moment at {} m", cuts[i]), wrench.n.z, moments[i], ref.tolerance("abs"));
+    expect_absolute(fmt::format("shear at {} m", cuts[i]), wrench.f.y, shear[i], ref.tolerance("abs"));
+  }
+}
+
 }  // namespace
 }  // namespace cardan::test

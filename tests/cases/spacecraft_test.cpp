@@ -1,8 +1,12 @@
 // Published cases of spacecraft: wheels, hinged panels, orbits, gravity gradient. Each to the tolerance its file
 // recommends.
+#include <algorithm>
 #include <cmath>
+#include <complex>
+#include <limits>
 #include <numbers>
 
+#include "core/operators/linear_model.hpp"
 #include "tests/cases/published.hpp"
 #include "tests/support/worse.hpp"
 
@@ -421,6 +425,77 @@ TEST(ArenstorfOrbit, ClosesAfterItsPeriod) {
   integrator->restart(0.0, x.data());
   for (double t = 0.0; t < ref.number("period");) t = integrator->step(ref.number("period"), x.data()).t;
   expect_vector("return", x, from, ref.tolerance("return_error"));
+}
+
+// Among the poles are also those of rest and of the spin itself.
+TEST(BallInTube, DampsNutation) {
+  const Published ref("rigid-ball-in-tube-damper");
+  const auto of = [&](const char* name) { return ref.model()[name].as<double>(); };
+  BodySpec body =
+      on(rigid("body", of("body_mass_kg"), Vector3d::Zero(), diagonal(Published::as_vector(ref.model()["body_inertia_kgm2"]))), "", "free");
+  body.hinge.v = {0, 0, ref.initial()["spin_rads"].as<double>(), 0, 0, 0};
+  BodySpec ball = on(particle("ball", of("ball_mass_kg"), Vector3d::Zero()), "body", "prismatic", {Z}, of("tube_at_m") * X);
+  SpringDamper spring;
+  spring.stiffness = of("spring_Nm"), spring.damping = of("damper_Nsm");
+  ball.hinge.springs = {spring};
+  const auto model = compiled(system({body, ball}));
+  const State s = model->initial_state();
+  const auto poles = operators::poles(operators::linearize(*model, {.q = s.q.data(), .v = s.v.data()}).A);
+  for (const char* which : {"nutation", "ball"}) {
+    const VectorXd want = ref.vector(which);
+    const std::complex<double> pole(want[0], want[1]);
+    double off = std::numeric_limits<double>::infinity();
+    for (const operators::Pole& p : poles) off = std::min(off, std::abs(p.value - pole) / std::abs(pole));
+    expect_within(fmt::format("pole of the {}", which), off, ref.tolerance("rel"));
+  }
+}
+
+TEST(ScissoredPair, TurnsTheBusAboutOneAxis) {
+  const Published ref("rigid-scissored-pair");
+  const double J = ref.model()["bus_inertia_y_kgm2"].as<double>(), spin = ref.model()["spin_rads"].as<double>();
+  std::vector<BodySpec> bodies = {on(rigid("bus", 100.0, Vector3d::Zero(), diagonal({50, J, 60})), "", "free")};
+  for (const int i : {0, 1}) {
+    const std::string gimbal = fmt::format("gimbal_{}", i), rotor = fmt::format("rotor_{}", i);
+    bodies.push_back(on(rigid(gimbal, 2.0, Vector3d::Zero(), diagonal(Published::as_vector(ref.model()["gimbal_inertia_kgm2"]))), "bus",
+                        "revolute", {Z}));
+    bodies.back().hinge.prescribed = {0};
+    bodies.push_back(on(rigid(rotor, 4.0, Vector3d::Zero(), diagonal(Published::as_vector(ref.model()["rotor_inertia_kgm2"]))), gimbal,
+                        "revolute", {X}));
+    bodies.back().hinge.v = {i == 0 ? spin : -spin};
+  }
+  const auto sim = run_of(system(bodies), "dop853");
+  for (const int i : {0, 1}) sim->prescribe(6 + 2 * i, MotionProfile::sine(i == 0 ? 0.7 : -0.7, 0.1, 0.0));
+  for (const int t : {1, 4}) {
+    sim->run(t);
+    const Vector3d w = sim->state().v.head<3>();
+    expect_absolute(fmt::format("rate at {} s", t), w.y(), ref.number(fmt::format("rate at {} s", t)), ref.tolerance("abs"));
+    expect_within(fmt::format("other rates at {} s", t), std::max(std::abs(w.x()), std::abs(w.z())), ref.tolerance("abs"));
+  }
+}
+
+// Pitch is the angle of the body beyond the true anomaly, which is that of its place.
+TEST(Beletsky, ForcedByTheEccentricity) {
+  const Published ref("orbit-beletsky-pitch");
+  const double mu = ref.model()["mu_m3s2"].as<double>(), a = ref.model()["semi_major_axis_m"].as<double>(),
+               e = ref.model()["eccentricity"].as<double>(), perigee = a * (1.0 - e), speed = std::sqrt(mu * (1.0 + e) / perigee),
+               pitch = ref.initial()["pitch_rad"].as<double>(), half = 0.5 * pitch;
+  BodySpec body = on(rigid("body", 100.0, Vector3d::Zero(), diagonal(Published::as_vector(ref.model()["inertia_kgm2"]))), "", "free");
+  body.hinge.q = {std::cos(half), 0, 0, std::sin(half), perigee, 0, 0};
+  body.hinge.v = {0, 0, speed / perigee, 0, speed, 0};
+  SimulationOptions options;
+  options.integrator = {.method = "dop853", .relative_tolerance = 1e-13};
+  options.tolerances.angle = 1e-13, options.tolerances.rate = 1e-16;  // of rates of 1e-3 rad/s
+  Simulation sim(compiled(system({body}, central_gravity(mu, true))), options);
+  for (const int revolution : {1, 3}) {
+    sim.run(revolution * 2.0 * std::numbers::pi * std::sqrt(a * a * a / mu));
+    const State& s = sim.state();
+    const Vector3d r = s.q.segment<3>(4), v = s.v.segment<3>(3);
+    const double anomaly_rate = r.cross(v).z() / r.squaredNorm();
+    const Eigen::Vector2d ours(std::remainder(2.0 * std::atan2(s.q[3], s.q[0]) - std::atan2(r.y(), r.x()), 2.0 * std::numbers::pi),
+                               s.v[2] / anomaly_rate - 1.0);
+    expect_vector(fmt::format("pitch after {} revolutions", revolution), ours, ref.vector(fmt::format("after {} revolution", revolution)),
+                  ref.tolerance("abs"));
+  }
 }
 
 }  // namespace

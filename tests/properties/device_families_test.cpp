@@ -37,6 +37,7 @@ TEST(Thruster, BringsTheImpulseOfItsPulse) {
   Simulation at_once(compiled(spec), accurate());
   at_once.run(0.5);
   EXPECT_NEAR(at_once.state().v[5], 0.8 * F * 0.5 / m, 1e-12);
+  EXPECT_EQ(at_once.state().z[0], 0.0);  // no lag that nothing follows: it would be a pole, and steps would heed it
 }
 
 /// What is commanded at each tick of 0.5 s, of a valve whose shortest pulse is 0.05 s: the impulse is F times the time that it is open,

@@ -4,10 +4,13 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/operators/sensitivity.hpp"
 #include "core/sim/reference_check.hpp"
 #include "core/sim/simulation.hpp"
+#include "core/soa/tangent.hpp"
 #include "tests/properties/accurate.hpp"
 #include "tests/properties/random_devices.hpp"
+#include "tests/properties/trees.hpp"
 
 namespace cardan::test {
 namespace {
@@ -216,6 +219,64 @@ TEST(DryFriction, ATrialOfWhatHoldsLeavesMassesAsTheyAre) {
     EXPECT_NEAR(sim.model().user[0].mass, 40.0 + left, 1e-8) << method;
     EXPECT_TRUE(sim.ledger().pass) << method;
     EXPECT_NEAR(sim.vdot()[5], 100.0 / (42.0 + left), 1e-9) << method;
+  }
+}
+
+/// By the dense twin too: it knows what is held now.
+TEST(DryFriction, HoldsInADenseRun) {
+  SystemSpec spec = system(base_with_sprung_arm());
+  spec.bodies[1].hinge.v = {0.7};
+  spec.devices = {device("brake", "dry_friction", {{"coulomb", 0.4}, {"breakaway", 3.0}}, {{"at", "arm"}})};
+  SimulationOptions options = accurate("dop853", 1e-11);
+  Simulation sweeps(compiled(spec), options);
+  options.dynamics = Dynamics::dense;
+  Simulation dense(compiled(spec), options);
+  for (Simulation* sim : {&sweeps, &dense}) {
+    sim->run(5.0);
+    EXPECT_EQ(sim->state().v[6], 0.0);  // it has come to rest, and sticks
+    EXPECT_TRUE(sim->ledger().pass);
+  }
+  EXPECT_LT((dense.state().q - sweeps.state().q).norm(), 1e-9);
+  EXPECT_LT((dense.state().v - sweeps.state().v).norm(), 1e-9);
+}
+
+/// Where hinges may be held, or are given, devices act on what moves with them: dv' along q and v against differences of the right-hand
+/// side.
+TEST(DryFriction, TakesPartInSensitivities) {
+  for (const bool given : {false, true}) {
+    SystemSpec spec = system(base_with_sprung_arm());
+    spec.bodies[1].hinge.v = {0.7};
+    spec.devices = {
+        with_vector(device("jet", "thruster", {{"thrust", 2.0}, {"specific_impulse", 20.0}}, {{"at", "arm"}}), "direction", {0, 0, 1})};
+    spec.devices[0].inputs["command"] = {1.0, {}};
+    if (given)
+      spec.bodies[1].hinge.prescribed = {0};
+    else
+      spec.devices.push_back(device("brake", "dry_friction", {{"coulomb", 1.0}, {"viscous", 0.3}}, {{"at", "arm"}}));
+    Simulation sim(compiled(spec), accurate());
+    const State here = sim.state();
+    const int nq = sim.model().nq, nv = sim.model().nv;
+    sim.vdot();  // what holds is settled
+    const std::vector<double> tau = sim.applied_forces();
+    const std::vector<NodeWrench> wrenches(sim.wrenches().begin(), sim.wrenches().end());
+    const DeviceForces devices(*sim.devices());
+    operators::Sensitivities about(sim.shared_model());
+    about.solve({.q = here.q.data(), .v = here.v.data(), .tau = tau.data(), .wrenches = wrenches}, &devices);
+    const OdeProblem ode = sim.ode();
+    VectorXd x(ode.n), u(nv), w(nv), got(nv), truth(ode.n), work(ode.n), d = VectorXd::Zero(ode.n);
+    x << here.q, here.v, here.z;
+    for (int i = 0; i < nv; ++i) u[i] = std::sin(2.7 * i + 0.3), w[i] = std::cos(1.9 * i);
+    if (given) u[nv - 1] = w[nv - 1] = 0.0;  // these are told by the profile
+    sim.model().qdot(here.q.data(), u.data(), d.data());
+    d.segment(nq, nv) = w;
+    soa::derivative(
+        [&](double h, double* out) {
+          const VectorXd at = x + h * d;
+          if (!ode.rhs(0.0, at.data(), out)) throw std::runtime_error("breakdown");
+        },
+        0.002, ode.n, truth.data(), work.data());
+    about.forward({.q = u.data(), .v = w.data()}, got.data());
+    EXPECT_LT((got - truth.segment(nq, nv)).norm(), 1e-9 * (1.0 + got.norm())) << given;
   }
 }
 

@@ -92,6 +92,19 @@ TEST(HardStop, KeepsMomentumOfWhatFloats) {
   }
 }
 
+/// In orbit as well: the balances see the blow, and nothing of how its size was found.
+TEST(HardStop, KeepsMomentumInOrbit) {
+  BodySpec bus = on(rigid("bus", 10.0, {0, 0, 0}, diagonal({2, 2, 3})), "", "free");
+  bus.hinge.q = {1, 0, 0, 0, 7e6, 0, 0}, bus.hinge.v = {0, 0, 0.2, 0, 7546, 0};
+  BodySpec arm = on(rigid("arm", 2.0, {0.4, 0, 0}, diagonal({0.1, 0.2, 0.2})), "bus", "revolute", {{0, 0, 1}}, {0.5, 0, 0});
+  arm.hinge.v = {0.5}, arm.hinge.loads = {hard_stop(-kNever, 0.3, 1e4, 0.6, 0.05)};
+  Simulation sim(compiled(system({bus, arm}, central_gravity(3.986e14, true))), accurate("dop853", 1e-12));
+  sim.run(1.0);
+  EXPECT_LT(sim.state().v[6], 0.0);
+  const LedgerState ledger = sim.ledger();
+  EXPECT_TRUE(ledger.pass) << ledger.linear_relative << ", " << ledger.angular_relative << ", " << ledger.energy_relative;
+}
+
 /// Where a gear couples two hinges, both turn over: what the stop meets is J_1 + n^2 J_2.
 TEST(HardStop, MeetsAllThatAGearCouples) {
   const double J_1 = 1.0, J_2 = 4.0, n = 2.0, e = 0.5;
@@ -132,6 +145,83 @@ TEST(HardStop, LetsWhatFallsComeToRest) {
     EXPECT_LT(std::abs(sim.state().v[0]), 1e-4);
     EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
   }
+}
+
+/// Bodies on a line that touch: `relative` is the rate of each against the one before it, and so are stops of restitution e.
+Simulation row_of_balls(const std::vector<double>& masses, const std::vector<double>& relative, double e, double gap_behind_first) {
+  std::vector<BodySpec> balls;
+  for (std::size_t i = 0; i < masses.size(); ++i) {
+    BodySpec b = on(particle(fmt::format("ball_{}", i), masses[i], {0, 0, 0}), i == 0 ? "" : balls.back().name, "prismatic", {{1, 0, 0}});
+    b.hinge.q = {i == 1 ? gap_behind_first : 0.0}, b.hinge.v = {relative[i]};
+    if (i > 0) b.hinge.loads = {hard_stop(0.0, kNever, 1e6, e, 1e-6)};
+    balls.push_back(b);
+  }
+  return {compiled(system(balls)), accurate()};
+}
+
+/// What moves into the stop that it stands at when the run begins comes to it as well.
+TEST(HardStop, BouncesWhatStandsAtItAtTheStart) {
+  for (const double e : {1.0, 0.5, 0.0}) {
+    Simulation sim = row_of_balls({2.0, 1.0}, {0.3, -1.2}, e, 0.0);
+    sim.run(0.1);
+    EXPECT_NEAR(sim.state().v[1], 1.2 * e, 1e-14);
+    EXPECT_NEAR(sim.state().v[0], 0.3 - (1.0 + e) * 1.2 / 3.0, 1e-14);
+    EXPECT_TRUE(sim.ledger().pass);
+  }
+}
+
+/// Newton's cradle: a blow goes through balls that touch, and the last one leaves. With losses by the same blows one after the other, by
+/// hand.
+TEST(HardStop, PassesABlowOn) {
+  Simulation cradle = row_of_balls({1, 1, 1, 1}, {2, -2, 0, 0}, 1.0, 0.5);
+  cradle.run(0.5);
+  EXPECT_LT((cradle.state().v - Eigen::Vector4d(0, 0, 0, 2)).norm(), 1e-14);
+  EXPECT_LT((cradle.state().q - Eigen::Vector4d(0.5, 0, 0, 0.5)).norm(), 1e-12);
+
+  Simulation lossy = row_of_balls({1, 1, 1}, {2, -2, 0}, 0.5, 0.5);
+  lossy.run(0.5);
+  std::array<double, 3> v = {2, 0, 0};
+  for (const std::size_t i : {0, 1, 0, 1}) {  // 0.5 | 1.5, 0.375 | 1.125, 0.40625 | 0.46875: they part
+    const double u = v[i] - v[i + 1];
+    if (u > 0.0) v[i] -= 0.75 * u, v[i + 1] += 0.75 * u;
+  }
+  EXPECT_NEAR(lossy.state().v[0], v[0], 1e-14);
+  EXPECT_NEAR(lossy.state().v[0] + lossy.state().v[1], v[1], 1e-14);
+  EXPECT_NEAR(lossy.state().v[0] + lossy.state().v[1] + lossy.state().v[2], v[2], 1e-14);
+  EXPECT_TRUE(lossy.ledger().pass);
+}
+
+/// A step that comes to a hard stop does not feel it before it is there, so that steps need not be as short as the stiffness asks: a ball
+/// that falls on one of 1e7 N/m (2e3 rad/s) bounces by methods of a given step as by any other.
+TEST(HardStop, IsNotFeltBeforeItIsReached) {
+  const double m = 2.0, g = 9.81, h = 2.0, e = 0.8, t = std::sqrt(2.0 * h / g), v = g * t;
+  BodySpec b = on(particle("m", m, {0, 0, 0}), "", "prismatic", {{0, 0, 1}});
+  b.hinge.q = {h};
+  b.hinge.loads = {hard_stop(0.0, kNever, 1e7, e, 1e-3)};
+  const SystemSpec spec = system({b}, uniform_gravity({0, 0, -g}));
+  for (const std::string method : {"rk4", "variational4", "dopri5", "cvode_bdf", "ark_implicit"}) {
+    SimulationOptions options = accurate(method, 1e-10);
+    if (method == "rk4" || method == "variational4") options.integrator.fixed_step = 0.01;
+    Simulation sim(compiled(spec), options);
+    const double after = t + 2.0 * e * v / g;  // back on the floor
+    sim.run(after + 0.1);
+    const bool exact = method != "cvode_bdf";  // its orders go up from 1
+    EXPECT_NEAR(sim.state().v[0], e * e * v - g * 0.1, exact ? 1e-9 : 1e-6) << method;
+    EXPECT_NEAR(sim.state().q[0], e * e * v * 0.1 - 0.5 * g * 0.01, exact ? 1e-9 : 1e-6) << method;
+    EXPECT_TRUE(sim.ledger().pass) << method;
+  }
+}
+
+/// A ball that stands at its stop and is pressed into it by what is slower than `speed` does not bounce when another one is struck.
+TEST(HardStop, LeavesWhatPressesIntoAnotherStop) {
+  BodySpec a = on(particle("a", 1.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}});
+  a.hinge.v = {0.005}, a.hinge.loads = {hard_stop(-kNever, 0.0, 100.0, 0.5, 0.01)};
+  BodySpec b = on(particle("b", 1.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}});
+  b.hinge.q = {-0.05}, b.hinge.v = {1.0}, b.hinge.loads = {hard_stop(-kNever, 0.0, 100.0, 0.5, 0.01)};
+  Simulation both(compiled(system({a, b})), accurate()), alone(compiled(system({a})), accurate());
+  both.run(0.1), alone.run(0.1);
+  EXPECT_NEAR(both.state().v[0], alone.state().v[0], 1e-12);
+  EXPECT_NEAR(both.state().v[1], -0.5, 1e-12);
 }
 
 TEST(Stop, ThatIsPassedAtTheStartIsTold) {

@@ -448,7 +448,7 @@ function Loop:profile(options) end
 ---@class ProfileOptions
 ---@field component? component default 1
 ---@field rate_table? quantity[][] {{t, rate}, ...} linear between the points, constant beyond; t in s, rising
----@field sine? SineOptions of the coordinate
+---@field sine? SineOptions of the coordinate: from where it is at t_0, when this is said, by amplitude (sin(2 pi frequency t + phase) - sin(2 pi frequency t_0 + phase))
 ---@field hold? quantity [rad/s] or [m/s] a constant rate
 
 --- The motion of a component that the vehicle declares `prescribed`: exactly one of rate_table, sine, hold.
