@@ -40,7 +40,7 @@ std::string describe_value(lua_State* L, int index) {
 
 // ---- calls ----
 
-void LuaFunction::call(std::span<const double> in, std::span<double> out) const {
+void LuaFunction::call(std::span<const double> in, std::span<double> out) const try {
   host_->protect(
       [&](lua_State* L) {
         luaL_checkstack(L, static_cast<int>(in.size() + out.size()) + LUA_MINSTACK, nullptr);
@@ -56,6 +56,15 @@ void LuaFunction::call(std::span<const double> in, std::span<double> out) const 
         }
       },
       host_->call_budget());
+} catch (const InputError& e) {
+  // `return vec.norm(x)` is a tail call: what fails in a module of ours is all that stands on the stack, and this function is its place.
+  if (!e.diagnostics().front().at.mark.file.starts_with("[cardan.")) throw;
+  std::vector<Diagnostic> all = e.diagnostics();
+  host_->protect([&](lua_State* L) {
+    push(L);
+    all.front().at.mark = host_->definition(L, -1);
+  });
+  throw InputError(std::move(all));
 }
 
 }  // namespace cardan
