@@ -272,6 +272,7 @@ int eigenvalues(lua_State* L) {
   const Index n = A.rows;
   const double limit = 1e-12 * largest(A);  // rounding of products on either side of the diagonal
   const auto a = A.map();
+  if (!a.allFinite()) misfit(L, "eigenvalues", "a matrix of finite numbers", "one that is not finite");
   for (Index j = 0; j < n; ++j)
     for (Index i = 0; i <= j; ++i)
       if (!(std::abs(a(i, j) - a(j, i)) <= limit))
