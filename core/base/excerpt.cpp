@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <filesystem>
 #include <fstream>
 
 #include "core/base/utf8.hpp"
@@ -14,6 +15,8 @@ constexpr std::size_t kWidth = 100;  // longest excerpt of a source line
 
 /// The line of the source file, without line ending and byte-order mark; tabs as spaces, what is not text as '?'.
 std::string source_line(const SourceMark& mark) {
+  std::error_code none;
+  if (!std::filesystem::is_regular_file(mark.file, none)) return {};  // a device may never end, a FIFO waits
   std::ifstream in(mark.file);
   std::string line;
   for (int i = 0; i < mark.line; ++i)

@@ -142,6 +142,7 @@ class Hdf5Recorder final : public Recorder {
     }
     times_.reserve(rows);
     values_.reserve(rows * width_);
+    begun_ = true;
     flush();
     if (ready_) ready_();
     file_.rename(path_);
@@ -204,6 +205,7 @@ class Hdf5Recorder final : public Recorder {
   }
 
   void flush() override {
+    if (!begun_) return;  // a run that fails before it has begun has nothing to keep
     guarded([this] { write_all(); });
     last_flush_ = Clock::now();
   }
@@ -352,7 +354,7 @@ class Hdf5Recorder final : public Recorder {
   std::vector<double> checkpoint_times_;  // of those not yet in the file
   std::vector<std::string> checkpoints_;
   std::array<Notes, 4> notes_;  // by Note
-  bool closed_ = false;
+  bool begun_ = false, closed_ = false;
 };
 
 }  // namespace

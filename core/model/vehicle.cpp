@@ -414,6 +414,12 @@ class VehicleReader {
       terms.push_back({value.node->keys[i].name, read_number(value.item(i), "1", context_), value.item(i).at()});
   }
 
+  /// In "body.node": a point that nothing follows is no origin.
+  std::string node_behind(std::size_t point, const std::string& name, const Located& at) {
+    if (point + 1 == name.size()) context_.sink.report(Code::unknown_node, at, "a body, body.node or world", in_quotes(name));
+    return name.substr(point + 1);
+  }
+
   void read_end(const DocRef& value, PlaceSpec& place) {
     place.at = value.at();
     std::string name;
@@ -426,7 +432,7 @@ class VehicleReader {
       name = read_text(value, "a body, body.node or world", context_);
       const auto point = name.find('.');
       place.body = name.substr(0, point);
-      if (point != std::string::npos) place.node = name.substr(point + 1);
+      if (point != std::string::npos) place.node = node_behind(point, name, value.at());
     }
     if (place.body.empty() && !name.empty())
       context_.sink.report(Code::unknown_body, value.at(), "a body, body.node or world", in_quotes(name));
@@ -484,7 +490,7 @@ class VehicleReader {
       name = read_text(to, "a body, body.node or world", context_);
       const auto point = name.find('.');
       hinge.inboard_body = name.substr(0, point);
-      if (point != std::string::npos) hinge.inboard_node = name.substr(point + 1);
+      if (point != std::string::npos) hinge.inboard_node = node_behind(point, name, to.at());
     }
     if (hinge.inboard_body.empty() && (to.node->kind == Kind::scalar || to.node->kind == Kind::map))
       context_.sink.report(Code::unknown_body, to.at(), "a body, body.node or world", in_quotes(name));

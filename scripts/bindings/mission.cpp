@@ -172,6 +172,7 @@ int mission(lua_State* L, Scenario& s) {
   DiagnosticSink sink;
   if (lua_istable(L, 1)) apply_settings(L, 1, s);
   LuaTable t(L, 1, "mission", sink);
+  sink.throw_if_any();  // no table
   t.require({"duration"});
   s.mission.title = t.text("title").value_or("");
   s.mission.duration = t.number("duration", "s").value_or(1.0);

@@ -127,8 +127,9 @@ int eig(lua_State* L) {
   int is_integer = 0;
   const lua_Integer k = lua_isnoneornil(L, 2) ? e.rows() : lua_tointegerx(L, 2, &is_integer);
   if (!lua_isnoneornil(L, 2) && !is_integer) refuse(L, Code::lua_argument, "eig", "how many eigenvalues", describe_value(L, 2));
-  charge(L, e, std::min(2.0 * e.cols(), 20.0 * static_cast<double>(k) + 200.0));
-  push_vector(L, e.eigenvalues(static_cast<int>(std::clamp<lua_Integer>(k, 0, 1 << 30))));
+  const int wanted = static_cast<int>(std::clamp<lua_Integer>(k, -1 << 30, 1 << 30));
+  charge(L, e, std::min(2.0 * e.cols(), 20.0 * std::max(wanted, 0) + 200.0));
+  push_vector(L, e.eigenvalues(wanted));
   return 1;
 }
 int rows(lua_State* L) {

@@ -56,9 +56,14 @@ void note_files(Scenario& s, const SystemSpec& spec) {
   }
 }
 
+std::string file_name(lua_State* L, const char* function) {
+  if (lua_type(L, 1) != LUA_TSTRING) refuse(L, Code::lua_argument, function, "the name of a file", describe_value(L, 1));
+  return lua_tostring(L, 1);
+}
+
 int plugin(lua_State* L, Scenario& s) {
   expect_setup(L, s, "plugin", false);
-  const std::string name = luaL_checkstring(L, 1);
+  const std::string name = file_name(L, "plugin");
   if (s.model) refuse(L, Code::lua_argument, "plugin", "plugins before the vehicle", in_quotes(name));
   const std::string path =
       ((s.folder.empty() ? std::filesystem::path(".") : s.folder) / name).string();  // with a slash: not a system library
@@ -77,7 +82,7 @@ std::string_view vehicle_path(std::string_view key) {
 
 int vehicle(lua_State* L, Scenario& s) {
   expect_setup(L, s, "vehicle", false);
-  const std::string name = luaL_checkstring(L, 1);
+  const std::string name = file_name(L, "vehicle");
   if (s.model) refuse(L, Code::lua_argument, "vehicle", "one vehicle", "a second one", "a vehicle may hold several free bodies");
   Overrides given;
   for (Setting& set : s.settings)
@@ -113,7 +118,9 @@ int vehicle(lua_State* L, Scenario& s) {
 int vehicle_change(lua_State* L) {
   Scenario& s = *self<Kind::vehicle>(L).scenario;
   expect_state(L, s, "a change of the vehicle");
-  luaL_checktype(L, 2, LUA_TTABLE);
+  if (!lua_istable(L, 2))
+    refuse(L, Code::lua_argument, "vehicle:change", "a table of key paths", describe_value(L, 2),
+           "sat:change { [\"bodies.tank.mass\"] = \"3 kg\" }");
   std::map<std::string, std::string> wanted;  // in the order of their keys, whatever the table's
   for (lua_pushnil(L); lua_next(L, 2) != 0; lua_pop(L, 1)) {
     if (lua_type(L, -2) != LUA_TSTRING || (lua_type(L, -1) != LUA_TSTRING && lua_type(L, -1) != LUA_TNUMBER))

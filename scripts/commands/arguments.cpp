@@ -2,6 +2,7 @@
 
 #include <cctype>
 #include <cstdio>
+#include <filesystem>
 #include <new>
 #include <sstream>
 
@@ -83,6 +84,10 @@ int report_error(const std::exception& error, bool as_json, int wrong_input) {
             Code::no_memory, {}, {}, what.empty() ? "" : "no memory for " + what, "a smaller input, or a larger limit (ulimit -v)"}),
         as_json, wrong_input);
   }
+  if (const auto* place = dynamic_cast<const std::filesystem::filesystem_error*>(&error))  // as where the current folder is gone
+    return report_error(InputError(Diagnostic{
+                            Code::file_not_found, {{}, {place->path1().string()}}, "a place that can be reached", place->code().message()}),
+                        as_json, wrong_input);
   return tell(
       70, fmt::format("internal error: {}\nThis is a fault of Cardan. Please report it with this text and the scenario.\n", error.what()),
       Json::array({{{"title", "internal error"}, {"what", error.what()}}}));

@@ -329,6 +329,8 @@ class RunCommand {
       return false;
     } catch (const NumericsError& e) {
       return lost(e.failure().what);
+    } catch (const std::bad_alloc&) {
+      return lost("no more memory");
     } catch (const std::exception& e) {
       return lost(e.what());
     }

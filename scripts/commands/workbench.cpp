@@ -12,6 +12,7 @@
 #include <iterator>
 #include <limits>
 
+#include "core/io/yaml_reader.hpp"
 #include "scripts/bindings/help.hpp"
 #include "scripts/bindings/open.hpp"
 #include "scripts/bindings/sim.hpp"
@@ -61,7 +62,7 @@ class WorkbenchCommand {
     std::ifstream in(path, std::ios::binary);
     std::error_code ignored;
     if (!in || fs::is_directory(path, ignored)) refuse(Code::file_not_found, {"--script", {path}}, "a Lua file");
-    const std::string text{std::istreambuf_iterator<char>(in), {}};
+    const std::string text = read_text_file(path);
     return guarded([&] { scenario_->lua.run_text(path, text, kPatience); });
   }
 
@@ -120,9 +121,11 @@ class WorkbenchCommand {
     options.print = [](std::string_view line) { fmt::print("{}\n", line); };
     options.interrupt = &interrupt;
     options.width = window_width;
+    std::error_code ignored;  // what is wrong with the name is told where it is opened
     const fs::path script =
-        fs::is_directory(options.file) ? options.file / "scenario.lua" : options.file;  // of `.` too its folder has a name
-    options.output = a.out.empty() ? fs::path("out") / fs::absolute(script).lexically_normal().parent_path().filename() : fs::path(a.out);
+        fs::is_directory(options.file, ignored) ? options.file / "scenario.lua" : options.file;  // of `.` too its folder has a name
+    options.output =
+        a.out.empty() ? fs::path("out") / fs::absolute(script, ignored).lexically_normal().parent_path().filename() : fs::path(a.out);
     const std::string ending = options.file.extension().string();
     return ending == ".yaml" || ending == ".yml" ? open_vehicle(options) : open_scenario(options);
   }

@@ -40,7 +40,7 @@ std::string describe_value(lua_State* L, int index) {
 
 // ---- calls ----
 
-int LuaFunction::call(std::span<const double> in, std::span<double> out) const {
+int LuaFunction::call(std::span<const double> in, std::span<double> out) const try {
   int left = 0;
   host_->protect(
       [&](lua_State* L) {
@@ -60,6 +60,15 @@ int LuaFunction::call(std::span<const double> in, std::span<double> out) const {
       },
       host_->call_budget());
   return left;
+} catch (const InputError& e) {
+  // `return vec.norm(x)` is a tail call: what fails in a module of ours is all that stands on the stack, and this function is its place.
+  if (!e.diagnostics().front().at.mark.file.starts_with("[cardan.")) throw;
+  std::vector<Diagnostic> all = e.diagnostics();
+  host_->protect([&](lua_State* L) {
+    push(L);
+    all.front().at.mark = host_->definition(L, -1);
+  });
+  throw InputError(std::move(all));
 }
 
 }  // namespace cardan

@@ -97,6 +97,10 @@ const char* chunk_of(const lua_Debug& frame) { return *frame.source == '@' ? fra
 
 /// "did you mean" for an undefined global, or why it is absent.
 std::string hint_for(lua_State* L, const std::string& message) {
+  lua_Debug frame;
+  if (lua_getstack(L, 1, &frame) && lua_getinfo(L, "S", &frame) && message.starts_with("attempt to "))
+    if (const std::string_view source = frame.source; source == "=[cardan.vec]" || source == "=[cardan.quat]")
+      return "vec and quat work on arrays of numbers; several values need braces: vec.norm { bus:rate() }";
   constexpr std::string_view kOpening = "(global '";
   const std::size_t start = message.find(kOpening);
   if (start == std::string::npos) return {};
@@ -277,7 +281,7 @@ void LuaHost::on_count(lua_State* L, lua_Debug*) { charge(L, kHookSteps); }
 void LuaHost::charge(lua_State* L, std::int64_t steps) {
   LuaHost& host = of(L);
   Meter& meter = host.meter_;
-  meter.left = steps > meter.left ? -1 : meter.left - steps;
+  meter.left = steps > meter.left ? -1 : meter.left - std::max<std::int64_t>(steps, 0);
   if (host.is_interrupted()) host.exceed(L, Limit::interrupt);
   if (meter.left < 0) host.exceed(L, Limit::steps);
   if (Clock::now() > meter.deadline) host.exceed(L, Limit::seconds);

@@ -272,6 +272,7 @@ int eigenvalues(lua_State* L) {
   const Index n = A.rows;
   const double limit = 1e-12 * largest(A);  // rounding of products on either side of the diagonal
   const auto a = A.map();
+  if (!a.allFinite()) misfit(L, "eigenvalues", "a matrix of finite numbers", "one that is not finite");
   for (Index j = 0; j < n; ++j)
     for (Index i = 0; i <= j; ++i)
       if (!(std::abs(a(i, j) - a(j, i)) <= limit))
@@ -548,11 +549,18 @@ std::string csv_field(const std::string& text) {
   return quoted + "\"";
 }
 
+std::string text_argument(lua_State* L, int index, const char* where, const char* expected) {
+  if (lua_type(L, index) != LUA_TSTRING) misfit(L, where, expected, describe_value(L, index));
+  std::size_t n = 0;
+  const char* const text = lua_tolstring(L, index, &n);
+  return {text, n};
+}
+
 /// A line per row with all digits; names and units stand first where there are any.
 int csv(lua_State* L) {
   Block& b = self(L);
   LuaHost::charge(L, 8 * b.size());
-  const std::filesystem::path path = output_file(L, luaL_checkstring(L, 2));
+  const std::filesystem::path path = output_file(L, text_argument(L, 2, "csv", "the name of a file: A:csv(\"A.csv\")"));
   std::string text;
   if (b.column_labels) {
     for (Index j = 0; j < b.cols; ++j) text += (j > 0 || b.row_labels ? "," : "") + csv_field(label(b.column_labels, j));
@@ -574,8 +582,8 @@ int csv(lua_State* L) {
 int hdf5(lua_State* L) {
   Block& b = self(L);
   LuaHost::charge(L, b.size());
-  const std::filesystem::path path = output_file(L, luaL_checkstring(L, 2));
-  std::string name = luaL_checkstring(L, 3);
+  const std::filesystem::path path = output_file(L, text_argument(L, 2, "hdf5", "the name of a file: A:hdf5(\"A.h5\", \"A\")"));
+  std::string name = text_argument(L, 3, "hdf5", "the name of a dataset: A:hdf5(\"A.h5\", \"A\")");
   if (name.empty() || name.front() != '/') name.insert(0, "/");
   const std::string expected = "the name of a dataset: mass_matrix, run1/mass_matrix";
   for (std::size_t from = 1; from <= name.size();) {  // no empty part, none that HDF5 reads as a way

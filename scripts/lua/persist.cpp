@@ -171,7 +171,7 @@ class Persistent::Walk {
       return;
     }
     const auto field = [&](const std::string& key, const std::string& shown, bool plain) {  // the value is at the top, and goes
-      const std::string full = name.empty() ? shown : name + "." + shown;
+      const std::string full = below(name, shown);
       const bool held = kept && plain && (is_plain(lua_type(L_, -1)) || lua_istable(L_, -1) || is_numbers(L_, -1));
       if (!held) fields[key] = {full, value()};
       later(full);
@@ -188,6 +188,13 @@ class Persistent::Walk {
       lua_pushvalue(L_, -1);
       field(fmt::format("{}", lua_topointer(L_, -3)), lua_typename(L_, lua_type(L_, -3)), false);
     }
+  }
+
+  /// Of a field: as long as a reader reads. In a chain of tables each name would else be longer than the one before, without end.
+  static std::string below(const std::string& name, const std::string& field) {
+    if (name.size() > kLongName) return name;
+    const std::string full = name.empty() ? field : name + "." + field;
+    return full.size() > kLongName ? full.substr(0, kLongName) + "..." : full;
   }
 
   std::size_t fields_of(int at) {
@@ -243,7 +250,7 @@ class Persistent::Walk {
     return text;
   }
 
-  static constexpr std::size_t kManyFields = 1000, kLongText = 64;
+  static constexpr std::size_t kManyFields = 1000, kLongText = 64, kLongName = 200;
 
   Persistent& of_;
   lua_State* L_;

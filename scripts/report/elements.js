@@ -16,7 +16,7 @@ export const number = (value, digits = 4) => {
   const size = Math.abs(value);
   return size >= 1e5 || size < 1e-3 ? value.toExponential(digits - 2).replace("e+", "e") : String(Number(value.toPrecision(digits)));
 };
-export const withUnit = (value, unit) => [number(value), unit && unit !== "-" ? element("span.unit", " " + pretty(unit)) : ""];
+export const withUnit = (value, unit) => [number(value), unit && !["-", "1"].includes(unit) ? element("span.unit", " " + pretty(unit)) : ""];
 
 export function table(head, rows, kind = "") {
   return element("div.scroll", element("table" + kind, element("thead", element("tr", head.map((h) => element("th", h)))), element("tbody", rows)));

@@ -4,7 +4,7 @@ import "./style.css";
 import { cell, drawAll, element, lazily, number, row, table, withUnit } from "./elements.js";
 import { shareOfLimit } from "./format.mjs";
 import { axisOf, bands, ending, groupsOf, instants, story, warningsOf } from "./happenings.mjs";
-import { byUnit, draw, inkOf, pretty } from "./plots.js";
+import { byUnit, draw, inkOf, marksOf, pretty } from "./plots.js";
 import { drawShape } from "./shapes.js";
 
 const data = JSON.parse(document.getElementById("run").textContent);
@@ -12,7 +12,8 @@ const { run, summary, series, notes } = data;
 const page = document.getElementById("page");
 
 const kGroups = { pointing: "Pointing", bodies: "Bodies", wheels: "Wheels", hinges: "Hinges", modes: "Modes", devices: "Devices",
-                  ledger: "Ledgers", ledgers: "Ledgers", control: "Control" };
+                  ledger: "Ledgers", ledgers: "Ledgers", control: "Control",
+                  loops: "Loops", reactions: "Reactions", nodes: "Nodes" };
 const groupTitle = (key) => kGroups[key] || (key === "other" ? "Other" : key);  // names of the scenario stay as they are
 
 // --- top: verdict and numbers
@@ -162,15 +163,16 @@ function modeShapes() {
 
 // --- how the method went
 
-const kLimits = { by_stop: "cut at instants and events", by_error: "as long as the error allowed" };
+const kLimits = { by_stop: "cut at instants and events", by_error: "as long as the error allowed", given: "of a given length" };
 const kRejected = { rejected_mechanical: "error of hinges and bodies", rejected_modal: "error of modes", rejected_devices: "error of devices",
                     rejected_not_evaluated: "not evaluated", rejected_not_converged: "not converged" };
 const kRestarts = { restarts_start: "the start", restarts_tick: "ticks", restarts_event: "events", restarts_corner: "corners of given motions",
                     restarts_loops: "drift off closed loops", restarts_checkpoint: "checkpoints", restarts_vehicle: "another vehicle" };
 
 function integration() {
-  const all = summary && summary.integration, { t, shortest, longest, order } = data.steps;
-  if (!all && !t.length) return null;
+  const told = summary && summary.integration, { t, shortest, longest, order } = data.steps;
+  if (!told && !t.length) return null;
+  const all = told && { ...told, given: summary.steps - told.by_stop - told.by_error };
   const counted = (title, names) => {
     const rows = Object.entries(names).filter(([key]) => all[key]).map(([key, name]) => row(name, cell(number(all[key]))));
     return rows.length ? element("div", element("h3", title), table(["", ""], rows, ".plain.headless")) : null;
@@ -263,7 +265,7 @@ function provenance() {
   const versions = Object.entries((summary && summary.versions) || {});
   const facts = [["program", [run.program_version, run.commit].filter(Boolean).join(", commit ")], ["compiler", run.compiler],
                  ["flags", run.flags], ["integrator", run.integrator], ["seed", run.seed], ["started", run.started],
-                 ["finished", run.finished || "no"], ...versions.filter(([name]) => name !== "cardan" && name !== "compiler")];
+                 ["finished", run.finished || "no"], ...versions.filter(([name]) => !["cardan", "commit", "compiler", "flags"].includes(name))];
   const rows = (list) => list.filter(([, value]) => value).map(([key, value]) => row(key, short(value)));
   const thinned = series.stretch > 1
     ? `Plots show the smallest and largest value of every ${series.stretch} rows; all ${number(series.rows)} rows are in the results file.`
@@ -301,8 +303,12 @@ if (["#dark", "#light"].includes(location.hash)) setTheme(location.hash.slice(1)
 if (location.hash === "#selftest") {
   drawAll();
   setTimeout(() => {  // after uPlot's own queue
-    for (const { holder, plot } of figuresDrawn) holder.dataset.ink = inkOf(plot).join(" ");
+    for (const { holder, plot } of figuresDrawn) {
+      holder.dataset.ink = inkOf(plot).join(" ");
+      holder.dataset.marks = marksOf(plot).join(" ");
+    }
     document.body.dataset.plots = figuresDrawn.length;
+    document.body.dataset.beyond = document.documentElement.scrollWidth - document.documentElement.clientWidth;
     document.body.dataset.shapes = document.querySelectorAll("svg path.deformed, svg .deformed.point").length;
     document.body.dataset.drawn = figuresDrawn.filter(({ holder }) => holder.dataset.ink.split(" ").every((n) => n !== "0")).length;
   });

@@ -60,6 +60,19 @@ function decadeSplits(self, axisIndex, min, max) {
   return splits;
 }
 
+/// uPlot finds no marks for an axis of values below some 1e-15 or above 1e32: such are drawn in their power of ten, and told in full.
+function powerOf(columns) {
+  let largest = 0;
+  for (const column of columns) for (const v of column) largest = Math.max(largest, Math.abs(v));
+  return largest === 0 || (largest > 1e-9 && largest < 1e15) ? 0 : Math.max(Math.floor(Math.log10(largest)), -300);
+}
+
+/// As uPlot has it; but of zeros alone, from -1 to 1.
+function valueRange(self, min, max) {
+  if (min === null) return [null, null];
+  return min === 0 && max === 0 ? [-1, 1] : uPlot.rangeNum(min, max, 0.1, true);
+}
+
 /// Draws one plot into `parent`; `width` in CSS pixels.
 export function draw(parent, { t, channel, unit, indices, theme, inDegrees, width, happened }) {
   const style = getComputedStyle(document.documentElement);
@@ -68,8 +81,9 @@ export function draw(parent, { t, channel, unit, indices, theme, inDegrees, widt
   const [label, factor] = shownUnit(channel, unit, inDegrees);
   const log = isLogarithmic(channel);
   const palette = kPalette[theme];
-  const convert = log ? (v) => (v ? Math.log10(Math.abs(v * factor)) : null) : (v) => (v === null ? null : v * factor);
-  const legendValue = (self, value) => (value == null ? "–" : String(Number((log ? 10 ** value : value).toPrecision(6))));
+  const scale = log ? 1 : 10 ** powerOf(indices.map((k) => channel.values[k].map((v) => v * factor)));
+  const convert = log ? (v) => (v ? Math.log10(Math.abs(v * factor)) : null) : (v) => (v === null ? null : (v * factor) / scale);
+  const legendValue = (self, value) => (value == null ? "–" : String(Number((log ? 10 ** value : value * scale).toPrecision(6))));
   const data = [t, ...indices.map((k) => channel.values[k].map(convert))];
   const axis = { stroke: ink, font, labelFont: font, labelSize: 18, labelGap: 2, gap: 4,
                  grid: { stroke: grid, width: 1 }, ticks: { stroke: grid, size: 4, width: 1 } };
@@ -78,12 +92,12 @@ export function draw(parent, { t, channel, unit, indices, theme, inDegrees, widt
     plugins: happened ? [marks(happened)] : [],
     padding: [10, 14, 0, 4],
     cursor: { sync: { key: "run", scales: ["x", null] }, drag: { x: true, y: false }, points: { size: 6 } },
-    scales: { x: { time: false }, y: log ? { range: decadeRange } : {} },
+    scales: { x: { time: false }, y: { range: log ? decadeRange : valueRange } },
     axes: [
       { ...axis, label: "t [s]", size: 28, values: (self, splits, i, space, step) => tickTexts(splits, step) },
       { ...axis, label: (log ? "|value| [" : "[") + (pretty(label) || "-") + "]", size: axisSize,
         ...(log ? { splits: decadeSplits, values: (self, splits) => splits.map((n) => "1e" + n) }
-                : { values: (self, splits, i, space, step) => tickTexts(splits, step) }) },
+                : { values: (self, splits, i, space, step) => tickTexts(splits.map((v) => v * scale), step * scale) }) },
     ],
     series: [
       { label: "t", value: (self, value) => (value == null ? "–" : value + " s") },
@@ -96,6 +110,9 @@ export function draw(parent, { t, channel, unit, indices, theme, inDegrees, widt
   };
   return new uPlot(options, data, parent);
 }
+
+/// For tests: texts along the axis of values.
+export const marksOf = (plot) => (plot.axes[1]._values || []).filter(Boolean);
 
 /// For tests: pixels drawn in the colour of each series of a plot.
 export function inkOf(plot) {

@@ -85,7 +85,7 @@ function plot(holder) {
       parts.push(dot);
     }
   }
-  holder.replaceChildren(svg("svg", { viewBox: `0 0 ${kWidth} ${kHeight}`, role: "img", "aria-label": `work against precision: ${kind.name}`, style: "display:block;width:100%;height:auto", "font-family": at("--font") }, ...parts));
+  holder.replaceChildren(svg("svg", { viewBox: `0 0 ${kWidth} ${kHeight}`, role: "img", "aria-label": `work against precision: ${kind.name}`, style: "display:block;width:100%;min-width:36rem;height:auto", "font-family": at("--font") }, ...parts));
 }
 
 // --- the answer
@@ -103,7 +103,7 @@ function answer() {
 
 // --- the page
 
-const holder = element("div"), told_ = element("div.answer"), caption = element("p.note"), keys = element("p.keys");
+const holder = element("div.scroll"), told_ = element("div.answer"), caption = element("p.note"), keys = element("p.keys");
 const choiceOf = (name, list) => {
   const select = element("select", list.map(([value, label]) => { const o = element("option", label); o.value = value; return o; }));
   select.value = shown[name];

@@ -100,6 +100,7 @@ TEST(LuaMatrix, EigenvaluesOfSymmetricMatricesAscend) {
   EXPECT_NEAR(b.number("e[1]"), 2.0 - std::sqrt(2.0), 4e-15);
   EXPECT_NEAR(b.number("e[2]"), 2.0, 4e-15);
   EXPECT_NEAR(b.number("e[3]"), 2.0 + std::sqrt(2.0), 4e-15);
+  EXPECT_EQ(b.fault("matrix{{0 / 0, 1}, {1, 0}}:eigenvalues()"), "eigenvalues | a matrix of finite numbers | one that is not finite");
   EXPECT_EQ(b.fault("matrix{{1, 2}, {2.5, 1}}:eigenvalues()"), "eigenvalues | a symmetric matrix | A(1, 2) = 2, A(2, 1) = 2.5");
 }
 

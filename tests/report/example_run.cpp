@@ -126,7 +126,7 @@ void write_example_run(const std::string& path, int rows, bool finished) {
     s.simulated_s = s.planned_s = kEnd;
     s.ended_by = "the planned end";
     s.wall_s = 3.418;
-    s.steps = 48211;
+    s.steps = 48218;
     s.rhs_calls = 91830;
     s.integration.by_error = 48000, s.integration.by_stop = 211, s.integration.rejected.by_error[1] = 17;
     s.integration.restarts = {1, 2400, 1, 0, 0, 10, 0};

@@ -638,6 +638,7 @@ TEST_F(ReportInBrowser, DrawsEverySeriesOfEveryPlot) {
   EXPECT_NE(dom.find("before the run"), std::string::npos);
   EXPECT_NE(dom.find("balances do not close"), std::string::npos);
   EXPECT_NE(dom.find("<td>cut at instants and events</td><td class=\"number\">211</td>"), std::string::npos);
+  EXPECT_NE(dom.find("<td>of a given length</td><td class=\"number\">7</td>"), std::string::npos) << "48 218 steps in all";
   EXPECT_NE(dom.find("<td>error of modes</td><td class=\"number\">17</td>"), std::string::npos);
   EXPECT_NE(dom.find("<td>ticks</td><td class=\"number\">2 400</td>"), std::string::npos);
   EXPECT_NE(dom.find("<td>bus.&lt;b&gt;wx&lt;/b&gt;</td>"), std::string::npos);
@@ -646,6 +647,47 @@ TEST_F(ReportInBrowser, DrawsEverySeriesOfEveryPlot) {
   EXPECT_LT(place("bodies"), place("wheels"));
   EXPECT_LT(place("ledger"), place("control"));
   EXPECT_LT(place("control"), place("other"));
+}
+
+// Rounding errors, a force that vanishes, and the least and largest numbers have axes that can be read; a long name stays on the page.
+TEST_F(ReportInBrowser, TellsTheValuesAlongEveryAxis) {
+  const std::string h5 = scratch("axes.h5"), html = scratch("axes.html");
+  const std::vector<double> sizes{1e-12, 3e-17, 2e-22, 4e-300, 7.0, 1e12, 1e306};
+  RunHeader header;
+  header.title = std::string(400, 'm');
+  std::vector<Channel> channels{{"nodes/wrench", {"moment", "force"}, "N*m N", "", "the moment is zero"}};
+  for (std::size_t k = 0; k < sizes.size(); ++k)
+    channels.push_back({(k ? "group_" + std::to_string(k) : "loops") + "/x", {"value"}, "W", "", "x"});
+  const auto recorder = make_hdf5_recorder(h5);
+  recorder->begin(header, channels);
+  for (int i = 0; i < 50; ++i) {
+    std::vector<double> row{0.0, std::sin(i)};
+    for (double size : sizes) row.push_back(size * std::sin(i + 1.0));
+    recorder->row(i, row);
+  }
+  recorder->close();
+  write_report(h5, html);
+  const std::string dom = shown_in_browser(html);
+  const std::regex marks("data-marks=\"([^\"]*)\"");
+  std::vector<std::string> axes;
+  for (std::sregex_iterator it(dom.begin(), dom.end(), marks), end; it != end; ++it) axes.push_back((*it)[1]);
+  ASSERT_EQ(axes.size(), 2 + sizes.size());
+  std::vector<double> largest;
+  for (const std::string& axis : axes) {
+    std::istringstream texts(axis);
+    double most = 0.0, value = 0.0;
+    int n = 0;
+    for (std::string text; texts >> text; ++n) value = std::stod(text), most = std::max(most, std::abs(value));
+    EXPECT_GE(n, 3) << axis;
+    largest.push_back(most);
+  }
+  const auto has = [&](double size) {
+    return std::any_of(largest.begin(), largest.end(), [&](double most) { return most >= 0.5 * size && most <= 2.0 * size; });
+  };
+  for (double size : sizes) EXPECT_TRUE(has(size)) << size;
+  EXPECT_EQ(captured(dom, "data-beyond=\"(\\d+)\""), "0") << "the page is no wider than the window";
+  EXPECT_EQ(dom.find("<h2>nodes</h2>"), std::string::npos);
+  EXPECT_NE(dom.find("<h2>Loops</h2>"), std::string::npos);
 }
 
 TEST_F(ReportInBrowser, ShowsARunThatDidNotFinish) {

@@ -1,5 +1,6 @@
 // What a person at a shell types first, and mistypes: an answer that helps.
 #include <gtest/gtest.h>
+#include <unistd.h>
 
 #include <cstdio>
 #include <filesystem>
@@ -67,6 +68,29 @@ TEST(CommandLine, AsksWhetherAnotherCommandIsMeant) {
   EXPECT_EQ(error_of({"arm.urdf"})["hint"], "did you mean \"cardan import arm.urdf\"?");
   EXPECT_EQ(error_of({"out/run.h5"})["hint"], "did you mean \"cardan report out/run.h5\"?");
   EXPECT_EQ(error_of({"./acme.so"})["hint"], "did you mean \"cardan check-plugin ./acme.so\"?");
+}
+
+TEST(CommandLine, AnswersNamesThatLeadNowhereOrToAnEndlessFile) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", "cardan: 1\nbodies: {a: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}}\n");
+  write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 1 }");
+  const std::vector<std::vector<std::string>> lines = {{"workbench", ""},
+                                                       {"workbench", std::string(5000, 'a')},
+                                                       {"workbench", "scenario.lua", "--script", "/dev/zero"},
+                                                       {"import", "/dev/zero"},
+                                                       {"run", "scenario.lua", "--settings", "/dev/zero"}};
+  for (const auto& line : lines) {
+    const Finished run = run_program(line, dir.path(), [] { alarm(60); });
+    EXPECT_EQ(run.exit_code, 2) << line[0] << ": " << run.err;
+    EXPECT_EQ(run.err.find("error[C"), 0u) << run.err.substr(0, 500);
+  }
+  for (const std::vector<std::string>& line : {std::vector<std::string>{"new", "hinge", "a/b"}, {"regress", dir.path()}}) {
+    const std::string gone = dir / "gone";
+    std::filesystem::create_directory(gone);
+    const Finished run = run_program(line, gone, [&] { rmdir(gone.c_str()); });
+    EXPECT_EQ(run.exit_code, 2) << run.err;
+    EXPECT_EQ(run.err.find("error[C"), 0u) << run.err;
+  }
 }
 
 TEST(CommandLine, AsksWhetherAnotherOptionIsMeant) {

@@ -87,6 +87,10 @@ TEST(OperatorsInScripts, RefuseWithTheLineOfTheScript) {
   refused("local v = sim:v(); v[1] = 0 / 0; local x = s.mass * v", {"N0108", "finite"});
   refused("local x = s:momentum({0 / 0})", {"C0502"});
   refused("local x = s:subgraph{}", {"C0502"});
+  for (const char* k : {"-1", "-100000", "math.mininteger"})
+    refused(std::string("local x = s.mass:eig(") + k + ")", {"C0301", "look.lua:2", "1 ... 32 of them", "got:      -"});
+  for (const char* call : {"csv()", "csv{}", "csv(3)", "hdf5('a.h5')", "hdf5(nil, 'A')", "hdf5('a.h5', {})"})
+    refused(std::string("sim:v():") + call, {"C0502", "look.lua:2", "expected: the name of a"});
   refused("local x = s.I:dense()", {"C0902", "I alone"});
   refused("s:articulate{W = vector(s.D:eig(s:size('hinge')):table())}; local x = s.mass:inv()", {"C0903", "without W"});
   refused("local x = sim:inverse_kinematics{targets = {{node = 'bus', attitude = {0, 0, 0, 0}}}}", {"C0502", "unit quaternion"});

@@ -516,12 +516,13 @@ TEST(Program, SaysWhenMemoryIsShortInTheRun) {
       "vehicle 'vehicle.yaml' mission { duration = 10 } local all = {} "
       "controller { rate = '1 Hz', name = 'hoard', step = function(t) if t > 2 then for i = 1, 1e7 do all[#all + 1] = i end end end }");
   bool told = false;
-  for (rlim_t megabytes = 60; megabytes < 400 && !told; megabytes += 10) {
+  for (rlim_t megabytes = 56; megabytes < 400 && !told; ++megabytes) {
     const Finished run = run_program({"run", ".", "--out", "out", "--quiet"}, dir.path(), [&] {
       alarm(20);
       const rlimit limit{megabytes << 20, megabytes << 20};
       setrlimit(RLIMIT_AS, &limit);
     });
+    EXPECT_EQ(run.err.find("bad_alloc"), std::string::npos) << run.err;
     if (run.exit_code != 3 || run.err.find("C0701") != std::string::npos)
       continue;  // too little to begin with, or for HDF5 beside the script
     told = true;

@@ -9,6 +9,7 @@
 #include "core/io/hdf5_file.hpp"
 #include "core/io/recorder.hpp"
 #include "tests/scripts/run_program.hpp"
+#include "tests/support/sanitized.hpp"
 
 namespace cardan {
 namespace {
@@ -163,6 +164,21 @@ TEST(Resume, IsPossibleForTheScenariosThatComeWithCardan) {
     const json summary = summary_of(dir / "out");
     EXPECT_TRUE(summary.at("kept_outside_persist").empty()) << name << ": " << summary["kept_outside_persist"];
   }
+}
+
+/// A table in a table and so on: their names, joined, would be 20 GB.
+TEST(Resume, AChainOfTablesTakesNoMoreThanTheChain) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", "cardan: 1\nbodies:\n  bus: {mass: 10, inertia: [1, 1, 1], hinge: {type: free, to: world}}\n");
+  write(dir / "scenario.lua",
+        "vehicle 'vehicle.yaml' mission { duration = 1 } local kept = persist { n = 0 } local own = {}\n"
+        "controller { name = 'chain', rate = '1 Hz', step = function()\n"
+        "  local t, u = {}, {} for i = 1, 1e5 do t, u = { t }, { u } end kept.t, own.u = t, u\nend }");
+  const Finished run = run_program({"run", ".", "--out", "out", "--quiet"}, dir.path(), [] {
+    const rlimit limit{rlim_t{1} << 30, rlim_t{1} << 30};
+    if (!test::sanitized) setrlimit(RLIMIT_AS, &limit);
+  });
+  EXPECT_EQ(run.exit_code, 0) << run.err;
 }
 
 TEST(Resume, NeedsACheckpoint) {

@@ -1,0 +1,3 @@
+-- exit: 3
+local sat = vehicle "vehicle.yaml"
+mission { duration = "1 s" }
