@@ -3,6 +3,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/model/loops.hpp"
 #include "tests/cases/published.hpp"
 #include "tests/support/worse.hpp"
 
