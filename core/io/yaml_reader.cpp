@@ -318,6 +318,10 @@ void apply_override(DocNode& root, std::string_view key_path, std::string_view v
       continue;
     }
     if (node->kind == DocNode::Kind::scalar) refuse(fmt::format("{} itself: it is one value", around), "");
+    if (node->kind == DocNode::Kind::empty && !part.empty() && part.find_first_not_of("0123456789") == std::string::npos) {
+      path = fmt::format("{}[{}]", around, part);
+      refuse("an entry of a list that the file has", fmt::format("give all of it: {}=[...]", around));
+    }
     node->kind = DocNode::Kind::map;
     auto found = std::find_if(node->keys.begin(), node->keys.end(), [&](const DocKey& k) { return k.name == part; });
     if (found == node->keys.end()) {

@@ -1,5 +1,7 @@
 // Mechanisms carried through time by the default method and form against the dense twin in 113 bits, which knows no form and does not
 // project: it keeps accelerations on the rows, and its steps are extrapolated until nothing is left of them.
+#include <gtest/gtest.h>
+
 #include "core/dynamics/loops.hpp"
 #include "core/reference/dense_dynamics.hpp"
 #include "core/reference/quad.hpp"

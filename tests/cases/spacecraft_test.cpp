@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/model/loops.hpp"
 #include "core/operators/linear_model.hpp"
 #include "tests/cases/published.hpp"
 #include "tests/support/worse.hpp"

@@ -24,7 +24,6 @@ namespace {
 using Eigen::Matrix3d;
 using Eigen::Vector3d;
 using Eigen::VectorXd;
-using soa::Inputs;
 
 const std::string kRobots = CARDAN_SOURCE_DIR "/tests/import/robots/";
 

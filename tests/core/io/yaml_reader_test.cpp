@@ -373,6 +373,8 @@ TEST(Override, IsCheckedAgainstTheSchema) {
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bsu.mass", "1"}}), "C0104 bodies.bsu");
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.nodes.sadle.position", "[0, 0, 0]"}}), "C0104 bodies.bus.nodes.sadle");
   EXPECT_EQ(first_fault(kSatellite, {{"bodies.bus.com[3]", "1"}}), "C0104 bodies.bus.com[3]");
+  EXPECT_EQ(first_fault(kSatellite, {{"bodies.wheel.com[0]", "1"}}), "C0104 bodies.wheel.com[0]")
+      << "of a list that the file does not have";
   for (const char* index : {"0x1", "1e0", "-1", "", " 0", "0 ", "18446744073709551616"})
     EXPECT_EQ(first_fault(kSatellite, {{fmt::format("bodies.bus.com[{}]", index), "1"}}), fmt::format("C0104 bodies.bus.com[{}]", index));
   for (const char* path : {"bodies.bus.com[0", "bodies.bus.com[0]1", "bodies.bus.com[", "bodies.bus[com"})
