@@ -40,8 +40,7 @@ class TwinDynamics {
   reference::NodeWrenches<T> wrenches(const reference::DenseState<T>& state, const TwinLoads<T>& loads) const;
   /// v' of at(); throws NumericsError N0101 where M of the free components is not positive definite.
   VecX vdot(const reference::DenseState<T>& state, const TwinLoads<T>& loads) const;
-  /// Which components of v are given.
-  /// Of which components the motion is given now: what devices hold comes and goes.
+  /// Which components of v are given now: what devices hold comes and goes.
   std::vector<bool> prescribed() const;
 
  private:

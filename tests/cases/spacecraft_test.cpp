@@ -8,6 +8,7 @@
 
 #include "core/model/loops.hpp"
 #include "core/operators/linear_model.hpp"
+#include "core/operators/system_modes.hpp"
 #include "tests/cases/published.hpp"
 #include "tests/support/worse.hpp"
 
