@@ -196,7 +196,8 @@ struct Harmonics {
 struct HarmonicField {
   Harmonics harmonics;
   TurningPlanet planet;
-  double scale, since;  // [s] from the epoch of the coefficients to the start of the run
+  double scale;  // of gravity mu [m^3/s^2], of a magnetic field -a^2 [m^2]
+  double since;  // [s] from the epoch of the coefficients to the start of the run
 
   /// scale phi, and along world axes its gradient and, unless null, its second derivatives by rows.
   void evaluate(const PlanetAxes& axes, const Vec3<double>& place, double t, double& potential, double* slope,
@@ -217,6 +218,30 @@ struct HarmonicField {
     if (!second) return;
     Eigen::Map<Eigen::Matrix3d> twice_to(second);
     twice_to = scale * (R * twice * R.transpose());
+  }
+};
+
+/// What fields of harmonics have in common; F::coefficients(params) are those that it has, null where it has refused some, F::set(params,
+/// packed) fills in scale, radius and epoch.
+template <class F>
+struct HarmonicFamily {
+  using Packed = HarmonicField;
+  using Prepared = PlanetAxes;
+
+  static std::uint64_t packed_size(const Params& params) {
+    const auto all = F::coefficients(params);
+    return sizeof(Packed) + (all ? Harmonics::bytes(*all) : 0);
+  }
+  static bool pack(const Params& params, Packed& p) {
+    const auto all = F::coefficients(params);
+    if (!all || !p.planet.pack(params)) return false;
+    F::set(params, p);
+    p.harmonics.write(*all, &p + 1);
+    return true;
+  }
+  static int prepare(const Packed& p, double t, Prepared& out) noexcept {
+    out = PlanetAxes::at(p.planet, t);
+    return 0;
   }
 };
 

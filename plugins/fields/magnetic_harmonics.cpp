@@ -5,15 +5,13 @@
 namespace cardan {
 namespace {
 
-struct MagneticHarmonics {
+struct MagneticHarmonics : HarmonicFamily<MagneticHarmonics> {
   static constexpr const char* type = "magnetic_harmonics";
   static constexpr const char* summary = "the magnetic field of a planet that turns, by the coefficients of IGRF or WMM";
   static constexpr std::uint32_t quantity = CARDAN_MAGNETIC;
   static constexpr unsigned facts = CARDAN_FIELD_SOURCE_FREE | CARDAN_FIELD_CURL_FREE;
   static constexpr double distance = 9e6;  // [m] of the laws, outside of most spheres of their radii
   static constexpr double kMost = 1.0;     // [T] of a coefficient; larger ones are numbers in nT without their unit
-  using Packed = HarmonicField;
-  using Prepared = PlanetAxes;
   static constexpr const char* columns[] = {"n", "m", "g", "h", "g_dot", "h_dot"};
   static constexpr const char* units[] = {"1", "1", "T", "T", "T/s", "T/s"};
   static constexpr cardan_param_desc schema[] = {
@@ -37,7 +35,7 @@ struct MagneticHarmonics {
       TurningPlanet::epoch_desc,
       TurningPlanet::centre_desc};
 
-  static std::optional<std::vector<Coefficient>> read(const Params& params) {
+  static std::optional<std::vector<Coefficient>> coefficients(const Params& params) {
     auto all = Harmonics::read(params, 6, 1, params.integer("degree"));
     if (!all) return all;
     for (Coefficient& c : *all) {
@@ -50,21 +48,9 @@ struct MagneticHarmonics {
     }
     return all;
   }
-  static std::uint64_t packed_size(const Params& params) {
-    const auto all = read(params);
-    return sizeof(Packed) + (all ? Harmonics::bytes(*all) : 0);
-  }
-  static bool pack(const Params& params, Packed& p) {
-    const auto all = read(params);
-    if (!all || !p.planet.pack(params)) return false;
+  static void set(const Params& params, Packed& p) {
     const double a = params.number("radius");
     p.scale = -a * a, p.since = params.number("since_epoch"), p.harmonics.radius = a;
-    p.harmonics.write(*all, &p + 1);
-    return true;
-  }
-  static int prepare(const Packed& p, double t, Prepared& out) noexcept {
-    out = PlanetAxes::at(p.planet, t);
-    return 0;
   }
 
   static void evaluate(const Packed& p, const FieldPoint<MagneticHarmonics, double>& at, double* B, double* gradient) noexcept {

@@ -5,14 +5,12 @@
 namespace cardan {
 namespace {
 
-struct SphericalHarmonics {
+struct SphericalHarmonics : HarmonicFamily<SphericalHarmonics> {
   static constexpr const char* type = "spherical_harmonics";
   static constexpr const char* summary = "gravity of a planet that turns, by harmonics of any degree and order";
   static constexpr std::uint32_t quantity = CARDAN_GRAVITY;
   static constexpr unsigned facts = CARDAN_FIELD_POTENTIAL | CARDAN_FIELD_SOURCE_FREE | CARDAN_FIELD_CURL_FREE;
   static constexpr double distance = 3.0;  // [m] of the laws, whose centres and radii are of order one
-  using Packed = HarmonicField;
-  using Prepared = PlanetAxes;
   static constexpr const char* columns[] = {"n", "m", "C", "S"};
   static constexpr cardan_param_desc schema[] = {
       param::in_range(param::required("mu", CARDAN_NUMBER, "m^3/s^2", "gravitational parameter"), 0.0,
@@ -30,25 +28,13 @@ struct SphericalHarmonics {
       TurningPlanet::epoch_desc,
       TurningPlanet::centre_desc};
 
-  static std::optional<std::vector<Coefficient>> read(const Params& params) {
+  static std::optional<std::vector<Coefficient>> coefficients(const Params& params) {
     auto all = Harmonics::read(params, 4, 0, params.integer("degree"));
     if (all && (all->empty() || all->front().n > 0)) all->insert(all->begin(), {.C = 1.0});
     return all;
   }
-  static std::uint64_t packed_size(const Params& params) {
-    const auto all = read(params);
-    return sizeof(Packed) + (all ? Harmonics::bytes(*all) : 0);
-  }
-  static bool pack(const Params& params, Packed& p) {
-    const auto all = read(params);
-    if (!all || !p.planet.pack(params)) return false;
+  static void set(const Params& params, Packed& p) {
     p.scale = params.number("mu"), p.since = 0.0, p.harmonics.radius = params.number("radius");
-    p.harmonics.write(*all, &p + 1);
-    return true;
-  }
-  static int prepare(const Packed& p, double t, Prepared& out) noexcept {
-    out = PlanetAxes::at(p.planet, t);
-    return 0;
   }
 
   static void evaluate(const Packed& p, const FieldPoint<SphericalHarmonics, double>& at, double* out, double* gradient) noexcept {
