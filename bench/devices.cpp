@@ -132,7 +132,7 @@ BenchModel chain_of_universals() {
 /// Pulled by a field of this type.
 SystemSpec pulled_by(SystemSpec spec, const std::string& type) {
   spec.fields = {{"pull", type, {{"mu", {4e14, {}}}, {"centre", {std::vector<double>{7e6, 0, 0}, {}}}}, false, {}}};
-  spec.gravity.kind = GravitySpec::Kind::field, spec.gravity.field = "pull";
+  spec.gravity.kind = GravitySpec::Kind::field, spec.gravity.fields = {"pull"};
   return spec;
 }
 

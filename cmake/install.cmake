@@ -38,7 +38,7 @@ install(FILES ${made}/completion DESTINATION ${CMAKE_INSTALL_DATADIR}/bash-compl
 # What the program contains must be named to whoever gets it: docs/dependencies.md, and Debian's texts on those that are in it.
 install(FILES LICENSE DESTINATION ${CMAKE_INSTALL_DOCDIR} RENAME copyright)
 install(FILES docs/dependencies.md DESTINATION ${CMAKE_INSTALL_DOCDIR})
-foreach(inside libarpack2-dev liblapack-dev libblas-dev libboost-dev libcli11-dev libeigen3-dev nlohmann-json3-dev)
+foreach(inside libarpack2-dev liblapack-dev libblas-dev libboost-dev libcli11-dev libeigen3-dev liberfa-dev nlohmann-json3-dev)
   install(FILES /usr/share/doc/${inside}/copyright DESTINATION ${CMAKE_INSTALL_DOCDIR}/notices RENAME ${inside} OPTIONAL)
 endforeach()
 

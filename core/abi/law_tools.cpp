@@ -93,7 +93,7 @@ ParamTable random_parameters(std::span<const cardan_param_desc> schema, std::mt1
       case CARDAN_TEXT:
       case CARDAN_FILE:  // optional ones stay absent
         table.numbers.erase(d.name);
-        if (required) table.texts[d.name] = "";
+        if (required) table.texts[d.name] = whole ? "2000-01-01T12:00:00" : "";  // in case it is a date
         if (required && d.kind == CARDAN_FILE) table.bytes[d.name] = "";
         continue;
       case CARDAN_NUMBER:

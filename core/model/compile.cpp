@@ -46,7 +46,7 @@ class Compiler {
                      g.gradient};
     model_->fields = compile_fields(spec_, registry_, sink_);
     if (g.kind == GravitySpec::Kind::field) {
-      const int i = field_named(spec_, model_->fields, CARDAN_GRAVITY, g.field, "gravity.field", sink_);
+      const int i = compile_gravity(spec_, model_->fields, sink_);
       if (i >= 0) model_->field.source = model_->fields[static_cast<std::size_t>(i)].source.get();
     }
     sink_.throw_if_any();

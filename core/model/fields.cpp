@@ -6,8 +6,13 @@
 
 #include "core/base/units.hpp"
 #include "core/model/params.hpp"
+#include "core/model/sum_of_fields.hpp"
 
 namespace cardan {
+
+namespace {
+constexpr std::uint32_t kMostLimits = 31;  // bits of a code
+}
 
 const char* quantity_text(std::uint32_t quantity) {
   static constexpr const char* kTexts[] = {
@@ -64,6 +69,33 @@ int field_named(const SystemSpec& spec, const std::vector<Field>& fields, std::u
                   : fmt::format("{}, which is of the quantity {}", in_quotes(name), quantity_text(other->source->family->quantity)),
               other == fields.end() ? did_you_mean(name, legal) : "");
   return -1;
+}
+
+int compile_gravity(const SystemSpec& spec, std::vector<Field>& fields, DiagnosticSink& sink) {
+  const std::vector<std::string>& names = spec.gravity.fields;
+  std::vector<Field> parts;
+  std::uint32_t limits = 0;
+  int last = -1;
+  for (std::size_t k = 0; k < names.size(); ++k) {
+    const std::string key = names.size() == 1 ? "gravity.field" : fmt::format("gravity.field[{}]", k);
+    if (std::ranges::count(names.begin(), names.begin() + static_cast<std::ptrdiff_t>(k), names[k]) > 0) {
+      sink.report(Code::wrong_field, spec.locate(key), "each field once", fmt::format("{} again", in_quotes(names[k])));
+      return -1;
+    }
+    last = field_named(spec, fields, CARDAN_GRAVITY, names[k], key, sink);
+    if (last < 0) return -1;
+    parts.push_back(fields[static_cast<std::size_t>(last)]);
+    limits += parts.back().source->family->n_limits;
+  }
+  if (parts.empty() || limits > kMostLimits) {
+    sink.report(Code::wrong_field, spec.locate("gravity.field"),
+                parts.empty() ? "the name of a field, or a list of some" : fmt::format("fields of at most {} limits in all", kMostLimits),
+                parts.empty() ? "none" : fmt::format("{} limits", limits));
+    return -1;
+  }
+  if (parts.size() == 1) return last;
+  fields.push_back(sum_of_fields(parts));
+  return static_cast<int>(fields.size()) - 1;
 }
 
 }  // namespace cardan

@@ -11,6 +11,9 @@ std::vector<Field> compile_fields(const SystemSpec& spec, const Registry& regist
 int field_named(const SystemSpec& spec, const std::vector<Field>& fields, std::uint32_t quantity, const std::string& name,
                 const std::string& key, DiagnosticSink& sink);
 
+/// The field of gravity.fields; of several their sum, put behind `fields`. -1 after a fault.
+int compile_gravity(const SystemSpec& spec, std::vector<Field>& fields, DiagnosticSink& sink);
+
 /// "gravity", "magnetic field", "density of the air" ...
 const char* quantity_text(std::uint32_t quantity);
 

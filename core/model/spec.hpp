@@ -182,7 +182,7 @@ struct FieldSpec {
 
 struct GravitySpec {
   enum class Kind { none, uniform, central, field } kind = Kind::none;
-  std::string field;                                 // the name of one of SystemSpec::fields
+  std::vector<std::string> fields;                   // names of SystemSpec::fields: their sum
   Eigen::Vector3d g = Eigen::Vector3d::Zero();       // [m/s^2] uniform, world axes
   double mu = 0.0;                                   // [m^3/s^2] central
   Eigen::Vector3d centre = Eigen::Vector3d::Zero();  // [m] world axes

@@ -117,7 +117,7 @@ class VehicleReader {
         gravity.g = read_vector(form->second, "m/s^2", context_);
       } else if (form->first == 2) {
         gravity.kind = GravitySpec::Kind::field;
-        gravity.field = read_text(form->second, "the name of a field", context_);
+        gravity.fields = read_names(form->second, "the name of a field, or a list of some");
         gravity.gradient = map.flag("gradient", true);
       } else {
         gravity.kind = GravitySpec::Kind::central;
@@ -129,6 +129,14 @@ class VehicleReader {
       }
     }
     map.finish();
+  }
+
+  /// A text, or a list of texts.
+  std::vector<std::string> read_names(const DocRef& value, std::string_view expected) {
+    if (value.node->kind != Kind::list) return {read_text(value, expected, context_)};
+    std::vector<std::string> all;
+    for (std::size_t i = 0; i < value.node->items.size(); ++i) all.push_back(read_text(value.item(i), expected, context_));
+    return all;
   }
 
   void read_field(const std::string& name, const DocRef& value) {

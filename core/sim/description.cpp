@@ -293,7 +293,7 @@ Json fields(const Model& m) {
     Json limits = Json::array(), readers = Json::array();
     for (std::uint32_t i = 0; i < f.n_limits; ++i)
       limits.push_back({{"name", f.limits[i].name}, {"outside", (s.held >> i & 1) != 0 ? "hold" : "refuse"}});
-    if (m.field.source == &s) readers.push_back("gravity of bodies");
+    if (m.field.source == &s || std::ranges::count(m.gravity.fields, field.name) > 0) readers.push_back("gravity of bodies");
     for (const Device& d : m.devices.all)
       for (const DeviceMount& mount : d.mounts)
         if (mount.field >= 0 && &m.fields[static_cast<std::size_t>(mount.field)] == &field) readers.push_back(d.name);
@@ -415,10 +415,12 @@ std::pair<std::string, std::string> load_text(const HingeLoad& s, bool slides) {
                       s.p[0], force, s.p[1], force, s.p[2], length, s.p[3], per_rate, s.p[4], length)};
 }
 
+std::string sum_of(const std::vector<std::string>& fields) { return fmt::format("{}", fmt::join(fields, " + ")); }
+
 std::string gravity_text(const GravitySpec& g) {
   if (g.kind == GravitySpec::Kind::none) return "none";
   if (g.kind == GravitySpec::Kind::uniform) return fmt::format("uniform [{:g}, {:g}, {:g}] m/s^2", g.g.x(), g.g.y(), g.g.z());
-  if (g.kind == GravitySpec::Kind::field) return fmt::format("field {}, gradient {}", g.field, g.gradient ? "on" : "off");
+  if (g.kind == GravitySpec::Kind::field) return fmt::format("field {}, gradient {}", sum_of(g.fields), g.gradient ? "on" : "off");
   return fmt::format("central, mu = {:.10g} m^3/s^2, gradient {}", g.mu, g.gradient ? "on" : "off");
 }
 
@@ -491,10 +493,10 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
     add("gravity.central.gradient", g.gradient ? "true" : "false");
   }
   if (g.kind == GravitySpec::Kind::field) {
-    add("gravity.field", g.field);
+    add("gravity.field", sum_of(g.fields));
     add("gravity.gradient", g.gradient ? "true" : "false");
   }
-  for (std::size_t i = 0; i < m.fields.size(); ++i) {
+  for (std::size_t i = 0; i < m.spec->fields.size(); ++i) {
     const FieldSpec& f = m.spec->fields[i];
     const std::string path = "fields." + f.name + ".";
     add(path + "type", f.type);

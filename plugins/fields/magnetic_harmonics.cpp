@@ -33,6 +33,10 @@ struct MagneticHarmonics : HarmonicFamily<MagneticHarmonics> {
       TurningPlanet::axis_desc,
       TurningPlanet::meridian_desc,
       TurningPlanet::epoch_desc,
+      TurningPlanet::dut1_desc,
+      TurningPlanet::orientation_desc,
+      TurningPlanet::pole_x_desc,
+      TurningPlanet::pole_y_desc,
       TurningPlanet::centre_desc};
 
   static std::optional<std::vector<Coefficient>> coefficients(const Params& params) {

@@ -2,45 +2,23 @@
 // What fields of planets share: how a planet stands and turns, how high a place is above its ellipsoid.
 #include <Eigen/Core>
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
-#include <cstdio>
-#include <numbers>
-#include <optional>
-#include <string_view>
+#include <cstdint>
 
 #include "core/abi/field_family.hpp"
+#include "plugins/astronomy/dates.hpp"
+#include "plugins/astronomy/earth.hpp"
 
 namespace cardan {
 
-/// Days from 2000 January 1, 12 h, whole and the rest of one, of "2026-11-26T12:00:00" (a fraction of seconds and Z may follow).
-struct Days {
-  double whole, part;
-  static std::optional<Days> of(const char* text) {
-    int year = 0, month = 0, day = 0, hour = 0, minute = 0, end = 0;
-    double second = 0.0;
-    if (std::sscanf(text, "%4d-%2d-%2dT%2d:%2d:%lf%n", &year, &month, &day, &hour, &minute, &second, &end) != 6) return {};
-    if (std::string_view(text + end) != "" && std::string_view(text + end) != "Z") return {};
-    const bool leap = year % 4 == 0 && (year % 100 != 0 || year % 400 == 0);
-    const int days[] = {31, leap ? 29 : 28, 31, 30, 31, 30, 31, 31, 30, 31, 30, 31};
-    if (year < 1900 || year > 2200 || month < 1 || month > 12 || day < 1 || day > days[month - 1] || hour < 0 || hour > 23 || minute < 0 ||
-        minute > 59 || !(second >= 0.0) || !(second < 60.0))
-      return {};
-    const int y = year - (month <= 2), m = month + (month <= 2 ? 12 : 0);                            // a year that begins in March
-    const int since = 365 * y + y / 4 - y / 100 + y / 400 + (153 * (m - 3) + 2) / 5 + day - 730426;  // from 2000 January 1
-    return Days{since - 0.5, (hour + (minute + second / 60.0) / 60.0) / 24.0};
-  }
-};
-
-/// The angle by which the Earth has turned at a time of UT1 [rad] (IAU 2000: Capitaine, Guinot, McCarthy 2000).
-inline double earth_rotation_angle(const Days& ut1) {
-  const double turns = (ut1.whole + ut1.part) * 0.00273781191135448 + 0.7790572732640;
-  return 2.0 * std::numbers::pi * std::fmod(turns + std::fmod(ut1.whole, 1.0) + ut1.part, 1.0);
-}
-
 /// A planet that turns about its axis at a constant rate: where it is, and its axes at t = 0, columns in world axes: along the prime
-/// meridian, east of it, along the axis.
+/// meridian, east of it, along the axis. Or the Earth as the IAU has it, in axes of the GCRS.
 struct TurningPlanet {
   double centre[3], axes[9], rate;  // [m], [rad/s]
+  std::int64_t of_iau;              // 1: `epoch` and `pole` tell its axes
+  Epoch epoch;
+  double pole[2];  // polar motion x, y [rad]
 
   static constexpr cardan_param_desc centre_desc = param::optional("centre", CARDAN_VECTOR, "m", "of the planet, world axes");
   static constexpr cardan_param_desc axis_desc = {
@@ -58,20 +36,46 @@ struct TurningPlanet {
       nullptr,
       nullptr};
   static constexpr cardan_param_desc epoch_desc = param::optional(
-      "epoch", CARDAN_TEXT, "1", "UT1 of t = 0, 2026-11-26T12:00:00: longitude 0 of Earth is then its rotation angle ahead of `meridian`");
+      "epoch", CARDAN_TEXT, "1",
+      "date of t = 0, 2026-11-26T12:00:00 UTC (or UT1, TT, TAI): longitude 0 of Earth is then its rotation angle ahead of `meridian`");
+  static constexpr cardan_param_desc dut1_desc = param::in_range(
+      param::optional("dut1", CARDAN_NUMBER, "s", "UT1 - UTC at `epoch`, as the IERS tells it; t goes on as UT1 does"), -1.0, 1.0);
+  static constexpr const char* kOrientations[] = {"mean", "iau2006"};
+  static constexpr cardan_param_desc orientation_desc = param::named(
+      param::optional("orientation", CARDAN_CHOICE, "1",
+                      "mean: by `axis`, `meridian` and `rate`; iau2006: of Earth at `epoch` and on, with precession, nutation and polar "
+                      "motion, where world axes are those of the GCRS"),
+      kOrientations);
+  static constexpr cardan_param_desc pole_x_desc = param::in_range(
+      param::optional("pole_x", CARDAN_NUMBER, "rad", "polar motion: of the axis from the third axis of the planet, along its first"),
+      -1e-4, 1e-4);
+  static constexpr cardan_param_desc pole_y_desc = param::in_range(
+      param::optional("pole_y", CARDAN_NUMBER, "rad", "polar motion: the same along its second, taken to the other side"), -1e-4, 1e-4);
   static constexpr cardan_param_desc rate_desc =
       param::required("rate", CARDAN_NUMBER, "rad/s", "of the planet about its axis: 7.292115e-5 of Earth, 0 of one that does not turn");
+
+  static constexpr double kEarthRate = 7.292115e-5;  // [rad/s]
+  static constexpr const char* kDateExpected = "a date of UTC, UT1, TT or TAI from 1960 to 2200: 2026-11-26T12:00:00 UTC";
 
   bool pack(const Params& params) {
     const Eigen::Vector3d c = params.vector("centre"), k = params.vector("axis"), m = params.vector("meridian");
     const Eigen::Vector3d across = m - m.dot(k) * k;
     if (across.norm() < 1e-6) return params.fail("meridian", "a direction that is not along `axis`");
     double ahead = 0.0;
-    if (const char* epoch = params.text("epoch")) {
-      const auto days = Days::of(epoch);
-      if (!days) return params.fail("epoch", "a date and a time of day from 1900 to 2200: 2026-11-26T12:00:00");
-      ahead = earth_rotation_angle(*days);
+    of_iau = params.choice("orientation");
+    pole[0] = params.number("pole_x"), pole[1] = params.number("pole_y");
+    if (const char* text = params.text("epoch")) {
+      const auto read = Epoch::of(text, params.number("dut1"));
+      if (!read) return params.fail("epoch", kDateExpected);
+      epoch = *read;
+      ahead = earth_rotation_angle(epoch.ut1);
+    } else if (of_iau) {
+      return params.fail("epoch", kDateExpected, "none, and orientation: iau2006");
     }
+    if (of_iau && (k != Eigen::Vector3d::UnitZ() || m != Eigen::Vector3d::UnitX()))
+      return params.fail("orientation", "mean", nullptr, "iau2006 has an axis and a meridian of its own");
+    if (of_iau && !(std::abs(params.number("rate") - kEarthRate) < 1e-6 * kEarthRate))
+      return params.fail("rate", "7.292115e-5 rad/s, that of Earth, whose orientation is iau2006");
     Eigen::Map<Eigen::Matrix3d> columns(axes);
     columns.col(0) = Eigen::AngleAxisd(ahead, k) * across.normalized(), columns.col(1) = k.cross(columns.col(0)), columns.col(2) = k;
     Eigen::Map<Eigen::Vector3d> to(centre);
@@ -85,12 +89,17 @@ struct TurningPlanet {
 struct PlanetAxes {
   double columns[9];
   static PlanetAxes at(const TurningPlanet& p, double t) noexcept {
-    const double c = std::cos(p.rate * t), s = std::sin(p.rate * t);
     PlanetAxes out{};
+    if (p.of_iau) {
+      std::ranges::copy(earth_axes(p.epoch.tt.after(t), p.epoch.ut1.after(t), p.pole[0], p.pole[1]), out.columns);
+      return out;
+    }
+    const double c = std::cos(p.rate * t), s = std::sin(p.rate * t);
     for (int i = 0; i < 3; ++i) {
       out.columns[i] = c * p.axes[i] + s * p.axes[3 + i], out.columns[3 + i] = c * p.axes[3 + i] - s * p.axes[i];
       out.columns[6 + i] = p.axes[6 + i];
     }
+    if (p.pole[0] != 0.0 || p.pole[1] != 0.0) move_pole(p.pole[0], p.pole[1], 0.0, out.columns);
     return out;
   }
 };

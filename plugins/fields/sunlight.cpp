@@ -1,11 +1,11 @@
-// sunlight: parallel light of a Sun that does not move; behind a sphere the part of its disc that is seen (Montenbruck and Gill, Satellite
-// Orbits, section 3.4.2: two discs that overlap, in angles).
+// sunlight: parallel light of a Sun that does not move, or light of the Sun where the ephemerides have it; behind a sphere the part of its
+// disc that is seen (Montenbruck and Gill, Satellite Orbits, section 3.4.2: two discs that overlap, in angles).
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
 
-#include "core/abi/field_family.hpp"
+#include "plugins/fields/celestial_place.hpp"
 
 namespace cardan {
 namespace {
@@ -14,23 +14,40 @@ struct Sunlight {
   static constexpr const char* type = "sunlight";
   static constexpr const char* summary = "sunlight, with the umbra and penumbra of a sphere";
   static constexpr std::uint32_t quantity = CARDAN_LIGHT;
-  static constexpr unsigned facts = CARDAN_FIELD_STEADY;
-  static constexpr double distance = 7e6;  // [m] of the laws
+  static constexpr unsigned facts = 0;
+  static constexpr double distance = 7e6;                               // [m] of the laws
+  static constexpr double kAu = 149597870700.0, kSunRadius = 695700e3;  // [m] (IAU 2012, 2015)
   struct Packed {
     double irradiance, to_sun[3], radius, disc, centre[3];
+    std::int64_t moves;  // 1: `sun` tells where it is
+    CelestialPlace sun;
+  };
+  struct Prepared {
+    double sun[3], disc;  // [m], [rad], of one that moves
   };
   static constexpr double kAny = std::numeric_limits<double>::infinity();
   static constexpr cardan_param_desc schema[] = {
-      param::in_range(param::optional("irradiance", CARDAN_NUMBER, "W/m^2", "in full light", 1361.0), 0.0, kAny),
-      param::required("direction", CARDAN_UNIT_VECTOR, "1", "to the Sun, world axes"),
+      param::in_range(param::optional("irradiance", CARDAN_NUMBER, "W/m^2", "in full light, 1 au from the Sun with `epoch`", 1361.0), 0.0,
+                      kAny),
+      param::optional("direction", CARDAN_UNIT_VECTOR, "1", "to a Sun that does not move, world axes"),
+      param::optional("epoch", CARDAN_TEXT, "1", "in its place: date of t = 0, 2026-11-26T12:00:00 UTC (or UT1, TT, TAI)"),
+      CelestialPlace::origin_desc,
       param::in_range(param::optional("radius", CARDAN_NUMBER, "m", "of the sphere; the default is Earth's, 0: no shadow", 6378.137e3), 0.0,
                       kAny),
-      param::in_range(param::optional("disc", CARDAN_NUMBER, "rad", "apparent radius of the Sun", 4.6524e-3), 1e-6, 0.5),
+      param::in_range(param::optional("disc", CARDAN_NUMBER, "rad", "apparent radius of a Sun that does not move", 4.6524e-3), 1e-6, 0.5),
       param::optional("centre", CARDAN_VECTOR, "m", "of the sphere, world axes")};
 
   static bool pack(const Params& params, Packed& p) {
     const Eigen::Vector3d s = params.vector("direction"), c = params.vector("centre");
-    p = {params.number("irradiance"), {s[0], s[1], s[2]}, params.number("radius"), params.number("disc"), {c[0], c[1], c[2]}};
+    p = {params.number("irradiance"), {s[0], s[1], s[2]}, params.number("radius"), params.number("disc"), {c[0], c[1], c[2]}, 0, {}};
+    const char* text = params.text("epoch");
+    if (!text) return s.norm() > 0.0 || params.fail("epoch", "the date of t = 0, or the `direction` to a Sun that does not move", "none");
+    if (s.norm() > 0.0) return params.fail("direction", "none: the Sun is where the ephemerides have it at `epoch`");
+    const auto epoch = Epoch::of(text, 0.0);
+    if (!epoch) return params.fail("epoch", TurningPlanet::kDateExpected);
+    const int origin = params.choice("origin");
+    if (origin == static_cast<int>(Celestial::sun)) return params.fail("origin", "another than the Sun, which lights it");
+    p.moves = 1, p.sun = {static_cast<int>(Celestial::sun), origin, epoch->tt};
     return true;
   }
 
@@ -53,19 +70,37 @@ struct Sunlight {
     return T(1.0) - hidden / T(std::numbers::pi * a * a);
   }
 
+  static int prepare(const Packed& p, double t, Prepared& out) {
+    out = {};
+    if (p.moves == 0) return 0;
+    const Vec3<double> d = p.sun.at(t);
+    out = {{d.x, d.y, d.z}, std::asin(kSunRadius / std::sqrt(dot(d, d)))};
+    return 0;
+  }
+
   template <class T>
   static void evaluate(const Packed& p, const FieldPoint<Sunlight, T>& at, T* light) noexcept {
     using std::sqrt;
-    const Vec3<T> d = at.x - Vec3<T>{T(p.centre[0]), T(p.centre[1]), T(p.centre[2])}, s{T(p.to_sun[0]), T(p.to_sun[1]), T(p.to_sun[2])};
+    Vec3<T> s{T(p.to_sun[0]), T(p.to_sun[1]), T(p.to_sun[2])};
+    T irradiance(p.irradiance);
+    double disc = p.disc;
+    if (p.moves != 0) {
+      const Prepared& now = *at.prepared;
+      s = Vec3<T>{T(now.sun[0]), T(now.sun[1]), T(now.sun[2])} - at.x;
+      const T square = dot(s, s);
+      s = T(1.0) / sqrt(square) * s, irradiance = T(p.irradiance * kAu * kAu) / square, disc = now.disc;
+    }
+    const Vec3<T> d = at.x - Vec3<T>{T(p.centre[0]), T(p.centre[1]), T(p.centre[2])};
     const T r = sqrt(dot(d, d));
     T seen(1.0);
     if (p.radius > 0.0 && !(r > T(p.radius)))
       seen = T(0.0);  // inside of the sphere
     else if (p.radius > 0.0) {
       const T sine = T(p.radius) / r, half_pi(0.5 * std::numbers::pi);
-      seen = part_seen(p.disc, half_pi - arc_cosine(sine), arc_cosine(-dot(d, s) / r));
+      seen = part_seen(disc, half_pi - arc_cosine(sine), arc_cosine(-dot(d, s) / r));
     }
-    for (int i = 0; i < 3; ++i) light[i] = T(-p.irradiance * p.to_sun[i]) * seen;
+    const Vec3<T> goes = -(irradiance * seen) * s;
+    light[0] = goes.x, light[1] = goes.y, light[2] = goes.z;
   }
 };
 

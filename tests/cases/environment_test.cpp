@@ -2,6 +2,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "plugins/astronomy/dates.hpp"
+#include "plugins/astronomy/earth.hpp"
 #include "tests/cases/published.hpp"
 #include "tests/support/field_values.hpp"
 #include "tests/support/worse.hpp"
@@ -29,6 +31,37 @@ TEST(GravityField, OfGGM03SPullsAsItsPotentialSays) {
     expect_relative(fmt::format("potential, degree {}", N), -there.value[3], ref.number(fmt::format("potential N={}", N)),
                     ref.tolerance("rel"));
   }
+}
+
+TEST(EarthFrames, AreThoseOfTheIau) {
+  const Published ref("env-erfa-frames");
+  const auto mjd = [](double day, double part = 0.0) { return Days{day - 51544.5, part}; };
+  const auto near = [&](const std::string& quantity, double found, double tolerance) {
+    expect_within(quantity, std::abs(found - ref.number(quantity)), tolerance);
+  };
+  const Days day = mjd(53736.0);
+  near("Era00(2400000.5,54388.0)", earth_rotation_angle(mjd(54388.0)), 1e-12);
+  near("Gmst06(UT1=TT=53736.0)", mean_sidereal_time(day, day), 1e-12);
+  near("Gst06a(UT1=TT=53736.0)", apparent_sidereal_time(day, day), 1e-12);
+  near("Nut06a(53736.0) dpsi", nutation(day)[0], 1e-13);
+  near("Nut06a deps", nutation(day)[1], 1e-13);
+  near("Obl06(54388.0)", mean_obliquity(mjd(54388.0)), 1e-14);
+  near("Xys06a(53736.0) X", intermediate_pole(day)[0], 1e-14);
+  near("Xys06a Y", intermediate_pole(day)[1], 1e-15);
+  near("Xys06a s", intermediate_pole(day)[2], 1e-18);
+  near("Sp00(52541.0)", tio_locator(mjd(52541.0)), 1e-12);
+  near("Utctai(2453750.5,0.892100694) fraction", read_date("JD 2453750.5 + 0.892100694 UTC", TimeScale::tai, 0.0)->part, 1e-12);
+  near("Taitt(2453750.5,0.892482639) fraction", read_date("JD 2453750.5 + 0.892482639 TAI", TimeScale::tt, 0.0)->part, 1e-12);
+  near("Utcut1", read_date("JD 2453750.5 + 0.892100694 UTC", TimeScale::ut1, 0.3341)->part, 1e-12);
+  const Eigen::VectorXd leaps = ref.vector("leap seconds");
+  expect_vector("leap seconds", Vector3d(*leap_seconds(2003, 6, 1), *leap_seconds(2008, 1, 17), *leap_seconds(2017, 9, 1)), leaps, 0.0);
+  const auto place = place_of_geodetic(3.1, -0.5, 2500.0), back = geodetic({2e6, 3e6, 5.244e6});
+  expect_vector("Gd2gc WGS84", Vector3d(place.data()), ref.vector("Gd2gc WGS84"), 1e-7);
+  const Eigen::VectorXd coordinates = ref.vector("Gc2gd WGS84");
+  expect_vector("Gc2gd WGS84, longitude and latitude", Eigen::Vector2d(back[0], back[1]), coordinates.head<2>(), 1e-14);
+  expect_within("Gc2gd WGS84, height [m]", std::abs(back[2] - coordinates[2]), 1e-8);
+  const auto rows = bias_precession_nutation(mjd(50123.0, 0.9999));
+  expect_vector("Pnm06a(50123.9999) row 1", Vector3d(rows.data()), ref.vector("Pnm06a(50123.9999) row 1"), 1e-12);
 }
 
 TEST(StandardAtmosphere, HasTheDensitiesOfItsTable) {
@@ -82,7 +115,7 @@ std::unique_ptr<Simulation> thrown(const Published& ref) {
   body.hinge.q = {q.w(), q.x(), q.y(), q.z(), r.x(), r.y(), r.z()};
   body.hinge.v = {omega.x(), omega.y(), omega.z(), v.x(), v.y(), v.z()};
   GravitySpec pull;
-  pull.kind = GravitySpec::Kind::field, pull.field = "earth", pull.gradient = false;
+  pull.kind = GravitySpec::Kind::field, pull.fields = {"earth"}, pull.gradient = false;
   SystemSpec spec = system({body}, pull);
   const double J2 = earth["J2"] ? of(earth, "J2") : 0.0;
   spec.fields = {field_of("earth", "zonal_harmonics", {{"mu", of(earth, "mu_m3s2")}, {"radius", radius}, {"J2", J2}}),

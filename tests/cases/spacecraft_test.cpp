@@ -292,7 +292,7 @@ TEST(AllenEggers, FallsIntoTheAirWithTheSpeedOfTheClosedForm) {
 
 GravitySpec pull_of_field(const std::string& name) {
   GravitySpec g;
-  g.kind = GravitySpec::Kind::field, g.field = name;
+  g.kind = GravitySpec::Kind::field, g.fields = {name};
   return g;
 }
 /// A particle in the gravity of an oblate planet.

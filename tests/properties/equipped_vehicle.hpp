@@ -45,7 +45,7 @@ inline SystemSpec equipped_vehicle() {
       {"earth", "dipole", {}, false, {}}, {"air", "exponential_atmosphere", {}, true, {}}, {"pull", "point_mass", {}, false, {}}};
   spec.fields[1].params = {{"density", number(2e-12)}, {"lowest", number(1e5)}};
   spec.fields[2].params = {{"mu", number(3.986004415e14)}};
-  spec.gravity.kind = GravitySpec::Kind::field, spec.gravity.field = "pull";
+  spec.gravity.kind = GravitySpec::Kind::field, spec.gravity.fields = {"pull"};
 
   const auto add = [&](DeviceSpec d, const std::vector<std::pair<std::string, std::string>>& from = {}) -> DeviceSpec& {
     for (const auto& [input, source] : from) d.inputs[input] = {source, {}};

@@ -33,7 +33,7 @@ SystemSpec by_field(SystemSpec spec) {
   spec.fields.back().params["centre"].value = std::vector<double>(g.centre.data(), g.centre.data() + 3);
   spec.gravity = {};
   spec.gravity.kind = GravitySpec::Kind::field;
-  spec.gravity.field = "attractor";
+  spec.gravity.fields = {"attractor"};
   spec.gravity.gradient = g.gradient;
   return spec;
 }
@@ -171,10 +171,14 @@ struct Runner {
 
 template <unsigned kFacts>
 Registry with_runner(bool gradients = true) {
-  static cardan_field_family table = field_table<Runner<kFacts>>();
-  if (!gradients) table.facts &= ~static_cast<unsigned>(CARDAN_FIELD_GRADIENT);
+  static const cardan_field_family with = field_table<Runner<kFacts>>();
+  static const cardan_field_family without = [] {
+    cardan_field_family table = with;
+    table.facts &= ~static_cast<unsigned>(CARDAN_FIELD_GRADIENT);
+    return table;
+  }();
   Registry all = registry();
-  all.fields.add(table);
+  all.fields.add(gradients ? with : without);
   return all;
 }
 
@@ -250,7 +254,7 @@ void expect_work_from_outside(const RandomTree& tree) {
   SystemSpec spec = tree.spec;
   spec.fields = {field("attractor", "runner", {{"mu", 4000.0}, {"y", 20.0}})};
   spec.gravity.kind = GravitySpec::Kind::field;
-  spec.gravity.field = "attractor";
+  spec.gravity.fields = {"attractor"};
   SimulationOptions options;
   options.integrator.relative_tolerance = 1e-10;
   options.integrator.method = "dopri5";
@@ -269,13 +273,81 @@ TEST(FieldGravity, ThatDependsOnTimeWorksFromOutside) {
     }
 }
 
+/// Of two centres, the mass of one apart in two fields, against the whole in one and beside a third field that is the rest of it: the sum
+/// is linear, so that {a, b} pulls as {a}, {b} and no gravity do together.
+TEST(FieldGravity, OfSeveralFieldsIsTheirSum) {
+  for (const TreeOptions& options : trees_about_a_centre())
+    for_all_trees(
+        options, 1e-9,
+        [](const RandomTree& tree) {
+          RandomTree both = by_field(tree), one = both, other = both, none = both;
+          FieldSpec second = field("second", "point_mass", {{"mu", 0.7 * tree.spec.gravity.mu}});
+          const Vector3d place = tree.spec.gravity.centre + 0.3 * Vector3d(1.0, -2.0, 0.5);
+          second.params["centre"].value = std::vector<double>(place.data(), place.data() + 3);
+          both.spec.fields.push_back(second), both.spec.gravity.fields.emplace_back("second");
+          other.spec.fields = {second}, other.spec.gravity.fields = {"second"};
+          none.spec.gravity = {};
+          Loaded sum(both), a(one), b(other), c(none);
+          const VectorXd vdot = sum.forward();
+          const VectorXd tau = sum.inverse(vdot), parts = a.inverse(vdot) + b.inverse(vdot) - c.inverse(vdot);
+          Observer of_sum(*sum.model, sum.ws), of_a(*a.model, a.ws), of_b(*b.model, b.ws);
+          of_sum.update(sum.in(), vdot.data()), of_a.update(a.in(), vdot.data()), of_b.update(b.in(), vdot.data());
+          const double energy = of_a.energy().gravity + of_b.energy().gravity;
+          return worse(apart(tau, parts), std::abs(of_sum.energy().gravity / energy - 1.0));
+        },
+        6);
+}
+TEST(FieldGravity, OfSeveralFieldsAgreesWithTheDenseTwin) {
+  for_all_trees(
+      {.bodies = 4, .flexible = 0.4, .level = 1, .gravity = GravitySpec::Kind::central, .gradient = true}, 1e-9,
+      [](const RandomTree& tree) {
+        SystemSpec spec = by_field(tree.spec);
+        spec.fields.push_back(field("runner", "runner", {{"mu", 0.3 * tree.spec.gravity.mu}, {"y", 20.0}}));
+        spec.gravity.fields.emplace_back("runner");
+        Simulation sim(compile(spec, with_runner<CARDAN_FIELD_POTENTIAL>()), {});
+        double difference = 0.0;
+        reference_output(sim).fill(&difference);
+        return worse(difference, sim.energy().gravity == 0.0 ? 0.0 : 1.0);  // one of them changes in time: work from outside
+      },
+      4);
+}
+/// A steady field beside one that runs, and one without gradients of its own: prepared, differenced, its limits behind those of the others.
+TEST(FieldGravity, OfSeveralFieldsHasWhatItsPartsHave) {
+  SystemSpec spec = system({on(rigid("stone", 2.0, {0, 0, 0}, diagonal({1e-6, 1e-6, 1e-6})), "", "free")});
+  spec.bodies[0].hinge.q = {1, 0, 0, 0, 3.0, 4.0, 0.0};
+  spec.fields = {field("fixed", "point_mass", {{"mu", 30.0}}), field("attractor", "runner", {{"mu", 50.0}}),
+                 field("below", "runner", {{"mu", 10.0}, {"y", -2.0}})};
+  spec.gravity.kind = GravitySpec::Kind::field;
+  spec.gravity.fields = {"fixed", "attractor", "below"};
+  for (const bool gradients : {true, false}) {
+    const auto model = compile(spec, with_runner<CARDAN_FIELD_POTENTIAL>(gradients));
+    const FieldSource& sum = *model->field.source;
+    EXPECT_EQ(model->fields.back().name, "fixed + attractor + below");
+    EXPECT_EQ(sum.family->facts & (CARDAN_FIELD_GRADIENT | CARDAN_FIELD_POTENTIAL | CARDAN_FIELD_STEADY),
+              static_cast<unsigned>(CARDAN_FIELD_POTENTIAL) | (gradients ? static_cast<unsigned>(CARDAN_FIELD_GRADIENT) : 0U));
+    ASSERT_EQ(sum.family->n_limits, 2U);
+    EXPECT_STREQ(sum.family->limits[1].name, "below: near");
+    Simulation sim(model, {});
+    State state = sim.state();
+    state.t = 1.5;  // both are at x = 3
+    sim.set_state(state);
+    EXPECT_NEAR(sim.vdot()[4], -30.0 * 4.0 / 125.0 - 50.0 / 16.0 - 10.0 / 36.0, 1e-12);
+    EXPECT_NEAR(sim.vdot()[3], -30.0 * 3.0 / 125.0, 1e-12);
+    const double nearby[3] = {3.0, -2.05, 0.0};
+    FieldMoments moments(*model);
+    const FieldMoment& now = moments.at(field_of_gravity(*model), 1.5);
+    double values[4], slopes[12];
+    EXPECT_EQ(soa::ask_field(sum, now, 1, nearby, values, slopes), 2);
+  }
+}
+
 /// A free particle in the field of the runner, by a formula: a = -mu d / d^3 at the time of the run.
 TEST(FieldGravity, IsThatOfTheTime) {
   SystemSpec spec = system({on(rigid("stone", 2.0, {0, 0, 0}, diagonal({1e-6, 1e-6, 1e-6})), "", "free")});
   spec.bodies[0].hinge.q = {1, 0, 0, 0, 3.0, 4.0, 0.0};
   spec.fields = {field("attractor", "runner", {{"mu", 50.0}})};
   spec.gravity.kind = GravitySpec::Kind::field;
-  spec.gravity.field = "attractor";
+  spec.gravity.fields = {"attractor"};
   Simulation sim(compile(spec, with_runner<CARDAN_FIELD_POTENTIAL>()), {});
   State state = sim.state();
   state.t = 1.5;  // it is at x = 3
@@ -299,7 +371,7 @@ TEST(FieldGravity, BeyondItsLimitEndsTheRunByName) {
   spec.bodies[0].hinge.q = {1, 0, 0, 0, 1.0, 0.0, 0.0};  // it is overrun
   spec.fields = {field("attractor", "runner", {{"mu", 1e-6}})};
   spec.gravity.kind = GravitySpec::Kind::field;
-  spec.gravity.field = "attractor";
+  spec.gravity.fields = {"attractor"};
   Simulation sim(compile(spec, with_runner<CARDAN_FIELD_POTENTIAL>()), {});
   EXPECT_EQ(failure(sim, 1.0, Code::field_failed), "field attractor (runner): attractor is asked beyond its limit near: nearer than 0.1 m");
   EXPECT_GT(sim.time(), 0.4);
@@ -422,7 +494,7 @@ SystemSpec thrown() {
 TEST(Fields, OfGravityEndARunBeyondEachLimitThatIsNotHeld) {
   SystemSpec spec = thrown();
   spec.fields = {field("floor", "plank")};
-  spec.gravity.kind = GravitySpec::Kind::field, spec.gravity.field = "floor";
+  spec.gravity.kind = GravitySpec::Kind::field, spec.gravity.fields = {"floor"};
   for (const std::string method : {"rk4", "dopri5", "cvode_adams", "cvode_bdf"}) {
     SimulationOptions options;
     options.integrator.method = method;
@@ -672,7 +744,7 @@ TEST(Fields, ThatAreNotThereAreRefusedByName) {
   spec.devices[0].mounts["field"] = {"b", {}};
   EXPECT_EQ(refusal(spec), "it compiled");
   spec.gravity.kind = GravitySpec::Kind::field;
-  spec.gravity.field = "a";
+  spec.gravity.fields = {"a"};
   EXPECT_NE(refusal(spec).find("a field of the quantity gravity, of which there is none"), std::string::npos) << refusal(spec);
   spec.gravity = {};
   spec.fields[0].hold = true;
@@ -702,7 +774,7 @@ TEST(Fields, OfAPluginGiveTheSameBits) {
     SystemSpec spec = system({satellite(7e6, {0, 7546, 0})});
     spec.fields = {field("earth", dipole), field("pull", mass, {{"mu", 3.986004415e14}})};
     spec.gravity.kind = GravitySpec::Kind::field;
-    spec.gravity.field = "pull";
+    spec.gravity.fields = {"pull"};
     spec.devices = {device("rods", "magnetorquer", {{"max_moment", 30.0}}, {{"at", "bus.tip"}})};
     spec.devices[0].inputs["moment_x"] = {5.0, {}};
     Simulation sim(compile(spec, types), {});

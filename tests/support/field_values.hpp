@@ -18,7 +18,9 @@ namespace cardan::test {
 class AskedField {
  public:
   /// Numbers of every parameter that `given` does not have are its fallback.
-  AskedField(const std::string& type, const std::map<std::string, std::vector<double>>& given) : f_(*registry().field(type)) {
+  AskedField(const std::string& type, const std::map<std::string, std::vector<double>>& given,
+             const std::map<std::string, std::string>& texts = {})
+      : f_(*registry().field(type)) {
     ParamTable values;
     for (std::uint32_t i = 0; i < f_.n_params; ++i) {
       const cardan_param_desc& d = f_.params[i];
@@ -26,6 +28,7 @@ class AskedField {
       values.numbers[d.name].assign(d.fallback, d.fallback + (three ? 3 : 1));
     }
     for (const auto& [name, numbers] : given) values.numbers[name] = numbers;
+    for (const auto& [name, text] : texts) values.texts[name] = text;
     const cardan_param_values view = values.view();
     packed_.resize((f_.packed_size ? f_.packed_size(&view) : f_.params_size) / sizeof(double) + 1);
     accepted_ = f_.pack(&view, packed_.data()) == 0;

@@ -1001,6 +1001,88 @@ function Diagonalised:eps(tau) end
 ---@return Vector C
 function Diagonalised:coriolis(v) end
 
+--- Dates, how the Earth stands (IAU 2006/2000A) and where celestial bodies are, in axes of the GCRS. A date is a text with its scale,
+--- "2026-11-26T12:00:00 UTC" (or UT1, TT, TAI; UTC without), "JD 2453750.5 + 0.892 UTC", "MJD 61370.5 TT", from 1960 to 2200; `t` seconds
+--- may follow it, dut1 = UT1 - UTC [s].
+---@class Astro
+astro = {}
+--- A date in another scale, as a Julian date in two parts.
+---@param date string
+---@param scale? "UTC"|"TAI"|"TT"|"UT1" default TT
+---@param dut1? number [s]
+---@return number days a Julian date that ends with .5
+---@return number fraction of a day
+function astro.julian_date(date, scale, dut1) end
+--- TAI - UTC.
+---@param year number
+---@param month number
+---@param day number
+---@return number seconds
+function astro.leap_seconds(year, month, day) end
+--- The angle by which the Earth has turned.
+---@param date string
+---@param t? number [s]
+---@param dut1? number [s]
+---@return number angle [rad]
+function astro.earth_rotation_angle(date, t, dut1) end
+--- Sidereal time of Greenwich.
+---@param date string
+---@param t? number [s]
+---@param dut1? number [s]
+---@return number mean [rad]
+---@return number apparent [rad]
+function astro.sidereal_time(date, t, dut1) end
+--- Nutation, and the mean obliquity of the ecliptic.
+---@param date string
+---@param t? number [s]
+---@return number longitude [rad]
+---@return number obliquity [rad]
+---@return number mean_obliquity [rad]
+function astro.nutation(date, t) end
+--- The celestial intermediate pole, and what places the origins of longitude.
+---@param date string
+---@param t? number [s]
+---@return number X [1]
+---@return number Y [1]
+---@return number s the CIO locator [rad]
+---@return number s_prime the TIO locator [rad]
+function astro.intermediate_pole(date, t) end
+--- Bias, precession and nutation: from the GCRS to the true equator and equinox of date.
+---@param date string
+---@param t? number [s]
+---@return Matrix rows
+function astro.precession_nutation(date, t) end
+--- The axes of the Earth (ITRS) as columns, in world axes that are those of the GCRS.
+---@param date string
+---@param t? number [s]
+---@param dut1? number [s]
+---@param x? number polar motion [rad]
+---@param y? number polar motion [rad]
+---@return Matrix axes
+function astro.earth_axes(date, t, dut1, x, y) end
+--- Where a celestial body is, as the fields third_body and sunlight have it.
+---@param body "sun"|"moon"|"mercury"|"venus"|"earth"|"mars"|"jupiter"|"saturn"|"uranus"|"neptune"
+---@param date string
+---@param t? number [s]
+---@param origin? string the body from whose centre, default earth
+---@return number[] position [m]
+function astro.position(body, date, t, origin) end
+--- The gravitational parameter of a celestial body in DE440, from Mars on with its moons.
+---@param body string
+---@return number gm [m^3/s^2]
+function astro.gm(body) end
+--- On the ellipsoid WGS 84.
+---@param place Vector|number[] axes of the Earth [m]
+---@return number longitude [rad] to the east
+---@return number latitude [rad] geodetic
+---@return number height [m]
+function astro.geodetic(place) end
+---@param longitude number [rad] to the east
+---@param latitude number [rad] geodetic
+---@param height number [m] above the ellipsoid WGS 84
+---@return number[] place axes of the Earth [m]
+function astro.from_geodetic(longitude, latitude, height) end
+
 vec = require "cardan.vec"
 quat = require "cardan.quat"
 allocation = require "cardan.allocation"

@@ -1,0 +1,153 @@
+// astro: dates, how the Earth stands, where celestial bodies are.
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+
+#include "core/base/units.hpp"
+#include "plugins/astronomy/celestial.hpp"
+#include "plugins/astronomy/dates.hpp"
+#include "plugins/astronomy/earth.hpp"
+#include "scripts/bindings/bind.hpp"
+#include "scripts/lua/matrix.hpp"
+#include "scripts/lua/table.hpp"
+
+namespace cardan {
+namespace {
+
+using std::string;
+
+const char* text_at(lua_State* L, int index, const char* function, const char* expected) {
+  if (lua_type(L, index) != LUA_TSTRING)
+    refuse(L, Code::lua_argument, function, expected, index > lua_gettop(L) ? "nothing" : describe_value(L, index));
+  return lua_tostring(L, index);
+}
+/// The number at `index`, or `fallback` where nothing stands there.
+double number_at(lua_State* L, int index, const char* function, const char* expected, double fallback = std::nan("")) {
+  if (lua_isnoneornil(L, index) && !std::isnan(fallback)) return fallback;
+  if (lua_type(L, index) != LUA_TNUMBER || !std::isfinite(lua_tonumber(L, index)))
+    refuse(L, Code::lua_argument, function, expected, index > lua_gettop(L) ? "nothing" : describe_value(L, index));
+  return lua_tonumber(L, index);
+}
+
+/// (date, [t], [dut1]) from the argument `first` on: t seconds after the date.
+Epoch epoch_at(lua_State* L, int first, const char* function) {
+  constexpr const char* kDate =
+      "a date from 1960 to 2200: \"2026-11-26T12:00:00 UTC\" (or UT1, TT, TAI), \"JD 2461371.0 UTC\", \"MJD 61370.5 TT\"";
+  const char* text = text_at(L, first, function, kDate);
+  const double t = number_at(L, first + 1, function, "seconds after the date, a number", 0.0);
+  const double dut1 = number_at(L, first + 2, function, "UT1 - UTC, a number [s]", 0.0);
+  const auto epoch = Epoch::of(text, dut1);
+  if (!epoch) refuse(L, Code::lua_argument, function, kDate, in_quotes(text));
+  return {epoch->tt.after(t), epoch->ut1.after(t)};
+}
+
+template <std::size_t n>
+int choice_at(lua_State* L, int index, const char* function, const char* what, const char* const (&names)[n]) {
+  const std::vector<string> all(names, names + n);
+  const char* text = text_at(L, index, function, what);
+  const auto at = std::ranges::find(all, string(text));
+  if (at == all.end())
+    refuse(L, Code::unknown_name, function, fmt::format("{}: {}", what, listed(all)), in_quotes(text), did_you_mean(text, all));
+  return static_cast<int>(at - all.begin());
+}
+
+int numbers(lua_State* L, const std::array<double, 3>& three) {
+  lua_createtable(L, 3, 0);
+  for (int i = 0; i < 3; ++i) lua_pushnumber(L, three[static_cast<std::size_t>(i)]), lua_rawseti(L, -2, i + 1);
+  return 1;
+}
+template <std::size_t n>
+int results(lua_State* L, const std::array<double, n>& each) {
+  for (const double x : each) lua_pushnumber(L, x);
+  return static_cast<int>(n);
+}
+
+constexpr const char* kScales[] = {"UTC", "TAI", "TT", "UT1"};
+int julian_date(lua_State* L) {
+  const char* text = text_at(L, 1, "astro.julian_date", "a date, and the scale that it is told in");
+  const auto to = lua_isnoneornil(L, 2) ? TimeScale::tt : static_cast<TimeScale>(choice_at(L, 2, "astro.julian_date", "a scale", kScales));
+  const auto days = read_date(text, to, number_at(L, 3, "astro.julian_date", "UT1 - UTC, a number [s]", 0.0));
+  if (!days) refuse(L, Code::lua_argument, "astro.julian_date", "a date from 1960 to 2200: \"2026-11-26T12:00:00 UTC\"", in_quotes(text));
+  return results(L, std::array{Days::kJ2000 + days->whole, days->part});
+}
+
+int leap_seconds_of(lua_State* L) {
+  const auto number = [&](int i) { return static_cast<int>(number_at(L, i, "astro.leap_seconds", "year, month and day, numbers")); };
+  const int year = number(1), month = number(2), day = number(3);
+  const auto seconds = leap_seconds(year, month, day);
+  if (!seconds)
+    refuse(L, Code::lua_argument, "astro.leap_seconds", "a day of UTC, which began in 1960", fmt::format("{}-{}-{}", year, month, day));
+  return results(L, std::array{*seconds});
+}
+
+int rotation_angle(lua_State* L) { return results(L, std::array{earth_rotation_angle(epoch_at(L, 1, "astro.earth_rotation_angle").ut1)}); }
+int sidereal_time(lua_State* L) {
+  const Epoch e = epoch_at(L, 1, "astro.sidereal_time");
+  return results(L, std::array{mean_sidereal_time(e.ut1, e.tt), apparent_sidereal_time(e.ut1, e.tt)});
+}
+int nutation_of(lua_State* L) {
+  const Epoch e = epoch_at(L, 1, "astro.nutation");
+  const auto angles = nutation(e.tt);
+  return results(L, std::array{angles[0], angles[1], mean_obliquity(e.tt)});
+}
+int pole(lua_State* L) {
+  const Epoch e = epoch_at(L, 1, "astro.intermediate_pole");
+  const auto cip = intermediate_pole(e.tt);
+  return results(L, std::array{cip[0], cip[1], cip[2], tio_locator(e.tt)});
+}
+int precession_nutation(lua_State* L) {
+  const auto rows = bias_precession_nutation(epoch_at(L, 1, "astro.precession_nutation").tt);
+  push_matrix(L, Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(rows.data()));
+  return 1;
+}
+int axes(lua_State* L) {
+  const Epoch e = epoch_at(L, 1, "astro.earth_axes");
+  const double x = number_at(L, 4, "astro.earth_axes", "polar motion x, a number [rad]", 0.0);
+  const double y = number_at(L, 5, "astro.earth_axes", "polar motion y, a number [rad]", 0.0);
+  const auto columns = earth_axes(e.tt, e.ut1, x, y);
+  push_matrix(L, Eigen::Map<const Eigen::Matrix3d>(columns.data()));
+  return 1;
+}
+
+constexpr const char* kBody = "a celestial body";
+int position(lua_State* L) {
+  const auto body = static_cast<Celestial>(choice_at(L, 1, "astro.position", kBody, kCelestialNames));
+  const auto origin =
+      lua_isnoneornil(L, 4) ? Celestial::earth : static_cast<Celestial>(choice_at(L, 4, "astro.position", kBody, kCelestialNames));
+  lua_settop(L, 3);
+  return numbers(L, celestial_position_of_day(body, origin, epoch_at(L, 2, "astro.position").tt));
+}
+int gm(lua_State* L) {
+  return results(L, std::array{gravitational_parameter(static_cast<Celestial>(choice_at(L, 1, "astro.gm", kBody, kCelestialNames)))});
+}
+
+int to_geodetic(lua_State* L) {
+  const Eigen::VectorXd x = to_vector(L, 1, 3, "the place");
+  return results(L, geodetic({x[0], x[1], x[2]}));
+}
+int from_geodetic(lua_State* L) {
+  const auto number = [&](int i) { return number_at(L, i, "astro.from_geodetic", "longitude and latitude [rad] and height [m], numbers"); };
+  return numbers(L, place_of_geodetic(number(1), number(2), number(3)));
+}
+
+}  // namespace
+
+void bind_astronomy(Scenario& s) {
+  s.lua.bind("astro.julian_date", julian_date);
+  s.lua.bind("astro.leap_seconds", leap_seconds_of);
+  s.lua.bind("astro.earth_rotation_angle", rotation_angle);
+  s.lua.bind("astro.sidereal_time", sidereal_time);
+  s.lua.bind("astro.nutation", nutation_of);
+  s.lua.bind("astro.intermediate_pole", pole);
+  s.lua.bind("astro.precession_nutation", precession_nutation);
+  s.lua.bind("astro.earth_axes", axes);
+  s.lua.bind("astro.position", position);
+  s.lua.bind("astro.gm", gm);
+  s.lua.bind("astro.geodetic", to_geodetic);
+  s.lua.bind("astro.from_geodetic", from_geodetic);
+}
+
+}  // namespace cardan
