@@ -18,6 +18,7 @@ const cardan_device_family& tape_spring_family();
 const cardan_device_family& latch_family();
 const cardan_device_family& contact_family();
 const cardan_device_family& drag_family();
+const cardan_device_family& plate_drag_family();
 const cardan_device_family& radiation_pressure_family();
 const cardan_device_family& pulse_modulator_family();
 const cardan_device_family& pulsed_thruster_family();
@@ -43,6 +44,7 @@ void register_devices(Registry& registry) {
                             latch_family,
                             contact_family,
                             drag_family,
+                            plate_drag_family,
                             radiation_pressure_family,
                             pulse_modulator_family,
                             pulsed_thruster_family,
