@@ -48,7 +48,7 @@ struct Imu {
 
   template <class T>
   static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
-    for (int i = 0; i < 6; ++i) out.out[i] = T(in.d[i]);
+    give_held<6>(in, out);
     out.out[6] = T(in.d[13]);
   }
 
@@ -60,8 +60,8 @@ struct Imu {
     for (int i = 0; i < 6; ++i) {
       const InertialSensor& s = i < 3 ? p.gyro : p.accelerometer;
       d[6 + i] = s.wandered(d[6 + i], period, first, noise[6 + i]);
-      const double read = s.rounded(truth[i] + s.bias + d[6 + i] + s.noise / std::sqrt(period) * noise[i]);
-      d[i] = InertialSensor::within(read, s.range);
+      const double read = to_steps(truth[i] + s.bias + d[6 + i] + s.noise / std::sqrt(period) * noise[i], s.step);
+      d[i] = to_range(read, s.range);
       within = within && d[i] == read;
     }
     d[12] += 1.0, d[13] = within ? 1.0 : 0.0;

@@ -3,9 +3,8 @@
 // order), steps of the converter, a range. Densities are of one-sided spectra per root of a rate, so that another rate of sampling has the
 // same spectrum [IEEE Std 952-1997].
 #include <array>
-#include <cmath>
 
-#include "core/abi/device_family.hpp"
+#include "plugins/devices/readings.hpp"
 
 namespace cardan {
 
@@ -49,10 +48,6 @@ struct InertialSensor {
     const double keep = first ? 0.0 : std::exp(-period / wander_time);
     return keep * before + std::sqrt(1.0 - keep * keep) * wander * normal;
   }
-  /// To the nearest step.
-  double rounded(double x) const noexcept { return step > 0.0 ? step * std::floor(x / step + 0.5) : x; }
-  /// Within `most` of 0; 0: any.
-  static double within(double x, double most) noexcept { return most > 0.0 ? std::fmin(std::fmax(x, -most), most) : x; }
 };
 
 }  // namespace cardan

@@ -71,7 +71,7 @@ struct IntegratingImu {
 
   template <class T>
   static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
-    for (int i = 0; i < 6; ++i) out.out[i] = T(in.d[kGiven + i]);
+    give_held<6>(in, out);
   }
 
   template <class T>
@@ -87,8 +87,8 @@ struct IntegratingImu {
       const InertialSensor& s = i < 3 ? p.gyro : p.accelerometer;
       d[kBias + i] = s.wandered(d[kBias + i], period, first, noise[6 + i]);
       const double counted = in.z[i] - d[kBefore + i] + (s.bias + d[kBias + i]) * period + s.noise * std::sqrt(period) * noise[i];
-      const double x = first ? 0.0 : d[kRest + i] + InertialSensor::within(counted, s.range * period);
-      d[kGiven + i] = s.rounded(x);
+      const double x = first ? 0.0 : d[kRest + i] + to_range(counted, s.range * period);
+      d[kGiven + i] = to_steps(x, s.step);
       d[kRest + i] = x - d[kGiven + i];
       d[kBefore + i] = in.z[i];
     }

@@ -18,16 +18,41 @@ const cardan_device_family& tape_spring_family();
 const cardan_device_family& latch_family();
 const cardan_device_family& contact_family();
 const cardan_device_family& drag_family();
+const cardan_device_family& plate_drag_family();
 const cardan_device_family& radiation_pressure_family();
 const cardan_device_family& pulse_modulator_family();
 const cardan_device_family& pulsed_thruster_family();
+const cardan_device_family& star_tracker_family();
+const cardan_device_family& sun_sensor_family();
+const cardan_device_family& coarse_sun_sensor_family();
+const cardan_device_family& magnetometer_family();
+const cardan_device_family& encoder_family();
 
 void register_devices(Registry& registry) {
   register_fields(registry);
-  for (const auto family :
-       {spring_damper_family, lugre_friction_family, momentum_wheel_family, imu_family, integrating_imu_family, dry_friction_family,
-        tank_family, thruster_family, magnetorquer_family, dc_motor_family, tape_spring_family, latch_family, contact_family, drag_family,
-        radiation_pressure_family, pulse_modulator_family, pulsed_thruster_family})
+  for (const auto family : {spring_damper_family,
+                            lugre_friction_family,
+                            momentum_wheel_family,
+                            imu_family,
+                            integrating_imu_family,
+                            dry_friction_family,
+                            tank_family,
+                            thruster_family,
+                            magnetorquer_family,
+                            dc_motor_family,
+                            tape_spring_family,
+                            latch_family,
+                            contact_family,
+                            drag_family,
+                            plate_drag_family,
+                            radiation_pressure_family,
+                            pulse_modulator_family,
+                            pulsed_thruster_family,
+                            star_tracker_family,
+                            sun_sensor_family,
+                            coarse_sun_sensor_family,
+                            magnetometer_family,
+                            encoder_family})
     registry.devices.add(family());
 }
 

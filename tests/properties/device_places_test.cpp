@@ -32,6 +32,7 @@ using Input = DeviceSpec::Input;
 
 const std::map<std::string, Entry>& entries() {
   static const std::map<std::string, Entry> all = {
+      {"coarse_sun_sensor", {{{"noise", 1e-3}}, {}, {}, 20.0}},  // it faces the light
       {"contact",
        {{{"from_radius", 1.2},
          {"to_radius", 1.0},
@@ -50,19 +51,32 @@ const std::map<std::string, Entry>& entries() {
        {{{"constant", 0.3}, {"resistance", 1.5}, {"inductance", 0.1}, {"gear", 3}}, {{"current", 0.5}}, {{"voltage", Input{4.0, {}}}}}},
       {"drag", {{{"area", 2.0}}}},
       {"dry_friction", {{{"coulomb", 0.3}, {"breakaway", 0.5}, {"viscous", 0.1}}}},
+      {"encoder", {{{"noise", 1e-3}, {"step", 1e-3}}, {}, {}, 20.0}},
       {"imu", {{{"angle_random_walk", 1e-3}}, {}, {}, 20.0}},
       {"integrating_imu", {{{"angle_random_walk", 1e-3}}, {}, {}, 20.0}},
       {"latch", {{{"place", 0.1}, {"max_rate", 100.0}, {"stiffness", 15.0}, {"damping", 0.5}}, {{"closed", 1.0}}}},
       {"lugre_friction",
        {{{"coulomb", 0.4}, {"breakaway", 0.6}, {"stribeck_rate", 0.5}, {"stiffness", 12.0}, {"damping", 0.4}, {"viscous", 0.1}},
         {{"bending", 0.01}}}},
+      {"magnetometer", {{{"noise", 1e-4}}, {}, {}, 20.0}},
       {"magnetorquer", {{{"max_moment", 30.0}}, {}, {{"moment_x", Input{20.0, {}}}, {"moment_z", Input{-10.0, {}}}}}},
       {"momentum_wheel", {{{"inertia", 0.05}, {"viscous", 0.01}}, {{"momentum", 0.8}}, {{"torque", Input{0.05, {}}}}, 0.0, "", "axis"}},
+      {"plate_drag",
+       {{{"area", 2.0}, {"temperature", 0.01}, {"wall_temperature", 0.02}, {"accommodation", 0.8}},
+        {},
+        {},
+        0.0,
+        "",
+        "normal",
+        {},
+        {"both_sides"}}},
       {"pulsed_thruster", {{{"bit", 0.5}, {"scatter", 0.1}}, {}, {{"fire", Input{1.0, {}}}}, 20.0, "", "direction"}},
       {"pulse_modulator", {{{"minimum", 0.01}}, {}, {{"command", Input{0.4, {}}}}, 10.0, "thruster"}},
       {"radiation_pressure",
        {{{"area", 1e6}, {"specular", 0.4}, {"diffuse", 0.3}}, {}, {}, 0.0, "", "normal", {{"shape", "plate"}}, {"both_sides"}}},
       {"spring_damper", {{{"stiffness", 20.0}, {"rest", 0.3}, {"damping", 1.0}}}},
+      {"star_tracker", {{{"cross_noise", 1e-3}, {"exclusion", 0.5}}, {}, {}, 20.0, "", "boresight"}},
+      {"sun_sensor", {{{"half_angle", 2.5}, {"noise", 1e-3}}, {}, {}, 20.0, "", "boresight"}},
       {"tank",
        {{{"radius", 0.2}, {"density", 1000.0}, {"pressure", 20.0}, {"loaded", 2.0}},
         {{"propellant", 2.0}},
@@ -146,8 +160,9 @@ DeviceSpec mounted(const std::string& name, const std::string& type, const Place
     if (m.kind == CARDAN_MOUNT_NODE) target = nodes++ == 0 ? place.node : place.name == "tip" ? "hand" : "head";
     if (m.kind == CARDAN_MOUNT_HINGE) target = place.hinge;
     if (m.kind == CARDAN_MOUNT_MASS) target = place.body;
+    const std::uint32_t quantity = m.use & ~std::uint32_t{CARDAN_USE_OPTIONAL};
     if (m.kind == CARDAN_MOUNT_FIELD)
-      target = m.use == CARDAN_MAGNETIC ? "earth" : m.use == CARDAN_DENSITY ? "air" : m.use == CARDAN_LIGHT ? "sun" : "wind";
+      target = quantity == CARDAN_MAGNETIC ? "earth" : quantity == CARDAN_DENSITY ? "air" : quantity == CARDAN_LIGHT ? "sun" : "wind";
   }
   return d;
 }
