@@ -61,15 +61,6 @@ Days days(double jd, double fraction) {
 
 }  // namespace
 
-std::optional<Days> Days::of(const char* text) {
-  const char* rest = text;
-  const auto r = calendar(text, &rest);
-  if (!r || !(r->second < 60.0) || (std::string_view(rest) != "" && std::string_view(rest) != "Z")) return {};
-  double jd = 0.0, mjd = 0.0;
-  eraCal2jd(r->year, r->month, r->day, &jd, &mjd);
-  return Days{jd + mjd - Days::kJ2000, (r->hour + (r->minute + r->second / 60.0) / 60.0) / 24.0};
-}
-
 std::optional<Days> read_date(const char* text, TimeScale to, double dut1) {
   const char* rest = text;
   const auto read = text[0] == 'J' || text[0] == 'M' ? julian(text, &rest) : calendar(text, &rest);

@@ -8,8 +8,6 @@ namespace cardan {
 struct Days {
   static constexpr double kJ2000 = 2451545.0;  // Julian date of 0
   double whole, part;
-  /// Of "2026-11-26T12:00:00", a fraction of seconds and Z may follow: in the scale that it is meant in. From 1900 to 2200.
-  static std::optional<Days> of(const char* text);
   Days after(double seconds) const { return {whole, part + seconds / 86400.0}; }
 };
 

@@ -1,9 +1,12 @@
 // Published cases of what is around a vehicle: gravity by harmonics, the magnetic field, the air; and falls through it.
 #include <cmath>
+#include <fstream>
+#include <functional>
 #include <numbers>
 
 #include "plugins/astronomy/dates.hpp"
 #include "plugins/astronomy/earth.hpp"
+#include "plugins/fields/nrlmsise00.hpp"
 #include "tests/cases/published.hpp"
 #include "tests/support/field_values.hpp"
 #include "tests/support/worse.hpp"
@@ -71,6 +74,65 @@ TEST(StandardAtmosphere, HasTheDensitiesOfItsTable) {
     const double height = 6356766.0 * base / (6356766.0 - base);  // geometric
     const double density = ref.vector(fmt::format("h={:g} m", base))[2];
     expect_relative(fmt::format("density at {:g} m", base), air.at({6356766.0 + height, 0, 0}).value[0], density, ref.tolerance("rel"));
+  }
+}
+
+/// Angles are rounded as the model rounds them. Numbers are printed to seven digits, half a unit of which is the tolerance.
+TEST(Nrlmsise00, HasTheSeventeenRowsOfItsTestOutput) {
+  using namespace msis;
+  const Published ref("env-nrlmsise00-table");
+  const YAML::Node standard = ref.model()["standard_input"];
+  const auto given = [&](const char* name) { return standard[name].as<double>(); };
+  struct Input {
+    Conditions at;
+    double altitude, latitude, longitude, hour;
+  };
+  const Input usual{{static_cast<int>(given("doy")), given("seconds"), given("f107"), given("f107a"), {given("ap")}, false},
+                    given("altitude_km"),
+                    given("lat_deg"),
+                    given("lon_deg"),
+                    given("local_solar_time_h")};
+  const auto stormy = [](Input& in) {
+    in.at.history = true;
+    for (double& ap : in.at.ap) ap = 100.0;
+  };
+  const std::function<void(Input&)> changes[] = {[](Input&) {},
+                                                 [](Input& in) { in.at.day = 81; },
+                                                 [](Input& in) { in.at.seconds = 75000.0, in.altitude = 1000.0; },
+                                                 [](Input& in) { in.altitude = 100.0; },
+                                                 [](Input& in) { in.latitude = 0.0; },
+                                                 [](Input& in) { in.longitude = 0.0; },
+                                                 [](Input& in) { in.hour = 4.0; },
+                                                 [](Input& in) { in.at.average = 70.0; },
+                                                 [](Input& in) { in.at.f107 = 180.0; },
+                                                 [](Input& in) { in.at.ap[0] = 40.0; },
+                                                 [](Input& in) { in.altitude = 0.0; },
+                                                 [](Input& in) { in.altitude = 10.0; },
+                                                 [](Input& in) { in.altitude = 30.0; },
+                                                 [](Input& in) { in.altitude = 50.0; },
+                                                 [](Input& in) { in.altitude = 70.0; },
+                                                 stormy,
+                                                 [&](Input& in) { stormy(in), in.altitude = 100.0; }};
+  std::ifstream table(CARDAN_SOURCE_DIR "/tests/reference/data/atmosphere/nrlmsise00_test_output.txt");
+  for (int row = 0; row < 17; ++row) {
+    Input in = usual;
+    changes[row](in);
+    Moment moment;
+    prepare(in.at, moment);
+    const double N = msis::kDegree * in.latitude, E = msis::kDegree * in.longitude, h = kHour * in.hour;
+    const auto got = air(moment, Place<double>{in.altitude, std::cos(N), std::sin(N), std::cos(E), std::sin(E), std::cos(h), std::sin(h)});
+    const double* n = got.number;
+    // The density of the table is that without anomalous oxygen.
+    const double all[] = {n[0], n[1], n[2], n[3], n[4], got.density(7), n[5], n[6], n[7], got.exosphere, got.temperature};
+    double worst = 0.0, density = 0.0;
+    for (int i = 0; i < 11; ++i) {
+      double wanted = 0.0;
+      ASSERT_TRUE(table >> wanted);
+      worst = worse(worst, wanted == 0.0 ? std::abs(all[i]) : std::abs(all[i] / wanted - 1.0));
+      if (i == 5) density = wanted;
+    }
+    expect_relative(fmt::format("row {}, density", row + 1), all[5], density, ref.tolerance("rel"));
+    expect_within(fmt::format("row {}, all eleven", row + 1), worst, ref.tolerance("rel"));
   }
 }
 

@@ -105,14 +105,16 @@ TEST(SphericalHarmonics, TurnWithTheirPlanet) {
 
 /// Check values of ERFA (t_erfa_c.c: era00) at two dates, and the day that both begin with.
 TEST(TurningPlanet, StandsWhereTheEarthDoes) {
-  EXPECT_NEAR(earth_rotation_angle(*Days::of("2007-10-15T00:00:00")), 0.4022837240028158, 1e-12);
-  EXPECT_NEAR(earth_rotation_angle(*Days::of("2000-01-01T12:00:00Z")), 2.0 * M_PI * 0.7790572732640, 1e-14);
-  EXPECT_NEAR(earth_rotation_angle(*Days::of("2007-10-15T06:30:36.5")),
+  EXPECT_NEAR(earth_rotation_angle(*read_date("2007-10-15T00:00:00 UT1", TimeScale::ut1, 0.0)), 0.4022837240028158, 1e-12);
+  EXPECT_NEAR(earth_rotation_angle(*read_date("2000-01-01T12:00:00 UT1", TimeScale::ut1, 0.0)), 2.0 * M_PI * 0.7790572732640, 1e-14);
+  EXPECT_NEAR(earth_rotation_angle(*read_date("2007-10-15T06:30:36.5 UT1", TimeScale::ut1, 0.0)),
               std::fmod(0.4022837240028158 + 2.0 * M_PI * 1.00273781191135448 * 23436.5 / 86400.0, 2.0 * M_PI), 1e-12);
-  EXPECT_EQ(Days::of("2024-02-29T00:00:00")->whole - Days::of("2023-03-01T00:00:00")->whole, 365.0);
+  EXPECT_EQ(
+      read_date("2024-02-29T00:00:00 UT1", TimeScale::ut1, 0.0)->whole - read_date("2023-03-01T00:00:00 UT1", TimeScale::ut1, 0.0)->whole,
+      365.0);
   for (const char* none : {"2023-02-29T00:00:00", "2026-13-01T00:00:00", "2026-11-26", "2026-11-26T24:00:00", "2026-11-26T12:00:60", "noon",
                            "2026-11-26T12:00:00+1", "1026-11-26T12:00:00"})
-    EXPECT_FALSE(Days::of(none)) << none;
+    EXPECT_FALSE(read_date(none, TimeScale::tt, 0.0)) << none;
 }
 
 TEST(SphericalHarmonics, RefuseRowsThatAreNone) {
@@ -192,6 +194,41 @@ TEST(StandardAtmosphere, KnowsTheHeightAboveAnEllipsoid) {
     }
   EXPECT_EQ(flat.at({0, 0, kRadius * (1.0 - kFlattening) - 5.1e3}).beyond, 1);
   EXPECT_EQ(flat.at({kRadius + 86.1e3, 0, 0}).beyond, 2);
+}
+
+// Densities are printed to six digits; places are rounded to a millimetre.
+TEST(HarrisPriester, GivesTheDensitiesOfAnotherRoutine) {
+  const Vector3d sun(24622331959.580, -133060326832.922, -57688711921.833);
+  const AskedField f("harris_priester",
+                     {{"direction", numbers(sun.normalized())}, {"exponent", {6.0}}, {"flattening", {1.0 / 298.257223563}}});
+  const auto rows = rows_of("atmosphere/harris_priester_check.csv");
+  EXPECT_EQ(rows.size(), 23u);
+  for (const auto& row : rows) EXPECT_NEAR(f.at({row[0], row[1], row[2]}).value[0] / row[3], 1.0, 5e-6) << row[2];
+}
+
+/// The bulge is 30 degrees east of the Sun, at its declination, on the side to which the Earth turns.
+TEST(HarrisPriester, BulgesBehindTheSun) {
+  const Vector3d axis = Vector3d(0.2, -0.5, 0.8).normalized(), sun = Vector3d(0.5, 0.4, 0.2).normalized(), centre(1e5, 2e5, -3e5);
+  const AskedField f("harris_priester",
+                     {{"direction", numbers(sun)}, {"exponent", {2.0}}, {"axis", numbers(axis)}, {"centre", numbers(centre)}});
+  const double R = 6378137.0, least = 2.249e-12, most = 7.492e-12;  // at 400 km
+  const Vector3d bulge = AngleAxisd(M_PI / 6, axis) * sun, side = bulge.cross(axis).normalized();
+  const auto at = [&](const Vector3d& u, double h) { return f.at(centre + (R + h) * u); };
+  EXPECT_NEAR(at(bulge, 400e3).value[0] / most, 1.0, 1e-12);
+  EXPECT_NEAR(at(-bulge, 400e3).value[0] / least, 1.0, 1e-12);
+  EXPECT_NEAR(at(side, 400e3).value[0] / (0.5 * (least + most)), 1.0, 1e-12);
+  EXPECT_NEAR(at(-bulge, 410e3).value[0] / std::sqrt(least * 1.558e-12), 1.0, 1e-10);
+  EXPECT_EQ(at(sun, 99e3).beyond, 1);
+  EXPECT_EQ(at(sun, 1001e3).beyond, 2);
+  EXPECT_NEAR(at(bulge, 1100e3).value[0] / 1.81e-14, 1.0, 1e-12);
+  const Vector3d u = Vector3d(0.1, 0.7, -0.3).normalized();
+  const auto here = at(u, 507e3);
+  for (int j = 0; j < 3; ++j) {
+    const double h = 50.0;
+    const auto there = [&](double by) { return f.at(centre + (R + 507e3) * u + by * Vector3d::Unit(j)).value[0]; };
+    const double slope = (8.0 * (there(h) - there(-h)) - (there(2 * h) - there(-2 * h))) / (12.0 * h);
+    EXPECT_NEAR(here.gradient(0, j), slope, 1e-8 * here.gradient.row(0).norm());
+  }
 }
 
 TEST(TabulatedAtmosphere, FallsExponentiallyFromRowToRow) {

@@ -17,25 +17,29 @@ namespace cardan::test {
 
 class AskedField {
  public:
-  /// Numbers of every parameter that `given` does not have are its fallback.
-  AskedField(const std::string& type, const std::map<std::string, std::vector<double>>& given,
-             const std::map<std::string, std::string>& texts = {})
+  using Texts = std::map<std::string, std::string, std::less<>>;
+  /// Numbers of every parameter that `given` does not have are its fallback; of files their content.
+  AskedField(const std::string& type, const std::map<std::string, std::vector<double>>& given, const Texts& texts = {},
+             const Texts& files = {})
       : f_(*registry().field(type)) {
     ParamTable values;
+    values.texts = texts, values.bytes = files;
+    for (const auto& [name, content] : files) values.texts[name] = "file";
     for (std::uint32_t i = 0; i < f_.n_params; ++i) {
       const cardan_param_desc& d = f_.params[i];
       const bool three = d.kind == CARDAN_VECTOR || d.kind == CARDAN_UNIT_VECTOR;
       values.numbers[d.name].assign(d.fallback, d.fallback + (three ? 3 : 1));
     }
     for (const auto& [name, numbers] : given) values.numbers[name] = numbers;
-    for (const auto& [name, text] : texts) values.texts[name] = text;
     const cardan_param_values view = values.view();
     packed_.resize((f_.packed_size ? f_.packed_size(&view) : f_.params_size) / sizeof(double) + 1);
     accepted_ = f_.pack(&view, packed_.data()) == 0;
-    if (!accepted_) refusal_ = values.failures.empty() ? "" : values.failures.front().expected;
+    if (!accepted_ && !values.failures.empty()) refusal_ = values.failures.front().expected, got_ = values.failures.front().got;
   }
   /// What was expected where pack refuses; empty where it does not.
   const std::string& refusal() const { return refusal_; }
+  /// What it was given then, where it tells.
+  const std::string& got() const { return got_; }
 
   struct Answer {
     Eigen::Vector4d value = Eigen::Vector4d::Zero();
@@ -45,11 +49,11 @@ class AskedField {
   Answer at(const Eigen::Vector3d& x, double t = 0.0) const {
     EXPECT_TRUE(accepted_) << refusal_;
     std::vector<double> prepared(f_.prepared_size / sizeof(double) + 1);
-    if (f_.prepare) f_.prepare(t, packed_.data(), prepared.data());
+    const int of_time = f_.prepare ? f_.prepare(t, packed_.data(), prepared.data()) : 0;
     const cardan_field_args args{sizeof args, t, packed_.data(), f_.prepare ? prepared.data() : nullptr};
     Eigen::Matrix<double, 3, 4> rows = Eigen::Matrix<double, 3, 4>::Zero();
     Answer out;
-    out.beyond = f_.evaluate(&args, 1, x.data(), out.value.data(), rows.data());
+    out.beyond = of_time | f_.evaluate(&args, 1, x.data(), out.value.data(), rows.data());
     out.gradient = rows.transpose();
     return out;
   }
@@ -58,7 +62,7 @@ class AskedField {
   const cardan_field_family& f_;
   std::vector<double> packed_;
   bool accepted_ = false;
-  std::string refusal_;
+  std::string refusal_, got_;
 };
 
 /// Rows of a CSV file of tests/reference/data below comments and a line of names; texts where there are no numbers are 0.
