@@ -148,24 +148,28 @@ SystemSpec with_twin_bodies(SystemSpec spec, const Registry& registry) {
   return spec;
 }
 
-/// Of every field that there is, harmonics to several degrees: nanoseconds at a point, and how far the divergence of gravity and magnetic
-/// fields is from 0, of its largest part.
+/// Of every field that there is, harmonics to several degrees: nanoseconds at a point, for what it makes of a new time once for all points,
+/// and how far the divergence of gravity and magnetic fields is from 0, of its largest part.
 int fields(double seconds) {
   Registry registry;
   register_devices(registry);  // and fields
-  fmt::print("| {:<35} | {:>10} | {:>18} | {:>10} |\n|---|---:|---:|---:|\n", "field at a point", "values, ns", "with gradients, ns",
-             "divergence");
-  const auto row = [&](const cardan_field_family& f, int degree) {
+  fmt::print("| {:<39} | {:>10} | {:>18} | {:>12} | {:>10} |\n|---|---:|---:|---:|---:|\n", "field at a point", "values, ns",
+             "with gradients, ns", "new time, ns", "divergence");
+  const auto row = [&](const cardan_field_family& f, int degree, bool of_iau) {
     ParamTable values;
     for (std::uint32_t i = 0; i < f.n_params; ++i) {
       const cardan_param_desc& d = f.params[i];
       const bool three = d.kind == CARDAN_VECTOR || d.kind == CARDAN_UNIT_VECTOR;
       values.numbers[d.name].assign(d.fallback, d.fallback + (three ? 3 : 1));
       if ((d.flags & CARDAN_REQUIRED) != 0) values.numbers[d.name] = {1e-3};
+      if (d.name == std::string_view("epoch")) values.texts["epoch"] = "2026-11-26T12:00:00 UTC";
+      if (d.name == std::string_view("body")) values.numbers["body"] = {1.0};  // the Moon
     }
-    values.numbers["mu"] = {4e14}, values.numbers["coefficients"].clear();
+    if (of_iau) values.numbers["orientation"] = {1.0}, values.numbers["rate"] = {7.292115e-5};
+    if (f.type != std::string_view("third_body")) values.numbers["mu"] = {4e14};
+    values.numbers["coefficients"].clear();
     if (f.quantity == CARDAN_GRAVITY) values.numbers["radius"] = {6378e3};
-    values.numbers["day"] = {172.0}, values.numbers["f107"] = {150.0};
+    values.numbers["f107"] = {150.0};
     if (std::string_view(f.type) == "harris_priester") values.numbers["direction"] = {0.6, 0.0, 0.8};
     values.numbers["table"] = {0.0, 1.2, 100e3, 5e-7, 500e3, 1e-12, 1000e3, 1e-15};
     for (int n = f.quantity == CARDAN_MAGNETIC ? 1 : 2; n <= degree; ++n)  // of the size that Kaula found
@@ -199,6 +203,8 @@ int fields(double seconds) {
         least[with] = std::min(least[with], time_ring(kPoints, seconds / 5.0, [&](int k) {
                                               f.evaluate(&args, 1, points[k], value, with ? gradient : nullptr);
                                             }).min_ns);
+    const double anew =
+        f.prepare ? time_ring(kPoints, seconds / 5.0, [&](int k) { f.prepare(1000.0 * k, packed.data(), prepared.data()); }).min_ns : 0.0;
     const bool told = f.quantity == CARDAN_GRAVITY || f.quantity == CARDAN_MAGNETIC;
     for (int k = 0; told && k < kPoints; ++k) {
       f.evaluate(&args, 1, points[k], value, gradient);
@@ -206,15 +212,17 @@ int fields(double seconds) {
       for (int i = 0; i < 9; ++i) most = std::max(most, std::abs(gradient[i]));
       worst = std::max(worst, std::abs(gradient[0] + gradient[4] + gradient[8]) / most);
     }
-    fmt::print("| {:<35} | {:>10.0f} | {:>18.0f} | {:>10} |\n", degree > 0 ? fmt::format("{}, degree {}", f.type, degree) : f.type,
-               least[0], least[1], told ? fmt::format("{:.1e}", worst) : "");
+    fmt::print("| {:<39} | {:>10.0f} | {:>18.0f} | {:>12} | {:>10} |\n",
+               degree > 0 ? fmt::format("{}, degree {}{}", f.type, degree, of_iau ? ", iau2006" : "") : f.type, least[0], least[1],
+               f.prepare ? fmt::format("{:.0f}", anew) : "", told ? fmt::format("{:.1e}", worst) : "");
   };
   for (const auto& [family, origin] : registry.fields.all()) {
     const std::string_view type = family->type;
     const std::vector<int> degrees = type == "spherical_harmonics"  ? std::vector<int>{4, 8, 20, 70, 120}
                                      : type == "magnetic_harmonics" ? std::vector<int>{13}
                                                                     : std::vector<int>{0};
-    for (const int degree : degrees) row(*family, degree);
+    for (const int degree : degrees) row(*family, degree, false);
+    if (type == "spherical_harmonics") row(*family, degrees.front(), true);
   }
   return 0;
 }

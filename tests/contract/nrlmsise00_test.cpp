@@ -180,7 +180,7 @@ TEST(Nrlmsise00Field, RefusesWhatDoesNotFit) {
   EXPECT_EQ(told(kUsual, {}), "the date of t = 0, 2026-11-26T12:00:00 UTC: the air follows the seasons and the Sun / no such key");
   EXPECT_EQ(told({{"f107", {150.0}}, {"day", {0.5}}}, {}), "a day of the year, 1 to 366 / ");
   EXPECT_EQ(told({{"f107", {150.0}}, {"day", {3.5}}}, epoch), "no day beside `epoch` / ");
-  EXPECT_EQ(told(kUsual, {{"epoch", "yesterday"}}), "a date and a time of day from 1900 to 2200: 2026-11-26T12:00:00 / ");
+  EXPECT_EQ(told(kUsual, {{"epoch", "yesterday"}}), "a date of UTC, UT1, TT or TAI from 1960 to 2200: 2026-11-26T12:00:00 UTC / ");
   EXPECT_EQ(told({}, epoch),
             "the flux F10.7 of the Sun, some 70 where it is quiet, 150 on the mean, 250 where it is active / neither it nor `weather`");
   EXPECT_EQ(told(kUsual, epoch, file), "no constants beside `weather` / ");
