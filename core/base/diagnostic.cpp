@@ -137,7 +137,7 @@ std::string render(const RunFailure& f) {
     out += '\n';
   }
   if (!f.what.empty()) out += fmt::format("  {}\n", shown(f.what));
-  if (!f.last_good.empty()) out += fmt::format("  last accepted state: {}\n", f.last_good);
+  if (!f.last_good.empty()) out += fmt::format("  last accepted state: {}\n", shown(f.last_good));
   labelled(out, "hint", f.hint);
   return out;
 }

@@ -9,7 +9,11 @@ namespace {
 
 void expect_finite(const Json& value, const std::string& place) {
   if (value.is_number_float() && !std::isfinite(value.get<double>()))
-    throw NumericsError({Code::not_finite, 0.0, "", "", "result " + place, "", ""});
+    throw NumericsError(
+        {Code::not_finite, 0.0, "", "", "result " + place,
+         "products of numbers of the run are beyond 1.8e308: masses, lengths, rates or loads of more than some 1e100, often a unit or "
+         "an exponent",
+         ""});
   if (value.is_structured())
     for (const auto& [key, item] : value.items()) expect_finite(item, place + "/" + key);
 }

@@ -243,7 +243,7 @@ class DeviceCompiler {
         if (model_.has_prescribed() && model_.prescribed[static_cast<std::size_t>(m.v)] &&
             (desc.use & (CARDAN_USE_LOAD | CARDAN_USE_IMPULSE)) != 0)
           fault(Code::unsupported, spec, desc.name, "a hinge component that is free to move", in_quotes(target) + ", which is prescribed",
-                "its motion is given: what pushes there has no effect");
+                "its motion is given: what pushes there has no effect; a device of a script that reads alone says so: {reads = \"hinge\"}");
         return;
       }
     if (!unfit.empty())

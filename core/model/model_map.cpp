@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <string_view>
+#include <unordered_map>
 
 namespace cardan {
 namespace {
@@ -24,6 +26,20 @@ bool same_mode(const Model& from, const UserBody& a, const Model& to, const User
   return near(mass, other_mass) && near(stiffness, other_stiffness);
 }
 
+/// Where each name is in `all`.
+template <class Named>
+std::unordered_map<std::string_view, int> places_of(const std::vector<Named>& all) {
+  std::unordered_map<std::string_view, int> places;
+  places.reserve(all.size());
+  for (std::size_t i = 0; i < all.size(); ++i) places.emplace(all[i].name, static_cast<int>(i));
+  return places;
+}
+
+int place_of(const std::string& name, const std::unordered_map<std::string_view, int>& places) {
+  const auto found = places.find(name);
+  return found == places.end() ? -1 : found->second;
+}
+
 std::vector<int> nowhere(int n) { return std::vector<int>(static_cast<std::size_t>(n), -1); }
 
 }  // namespace
@@ -38,15 +54,16 @@ ModelMap model_map(const Model& from, const Model& to) {
                nowhere(from.devices.n_marks),
                nowhere(from.devices.n_in),
                nowhere(from.devices.n_out)};
+  const auto bodies = places_of(to.user), nodes = places_of(to.nodes);
   for (const UserBody& a : from.user) {
-    map.body.push_back(to.find_body(a.name));
+    map.body.push_back(place_of(a.name, bodies));
     if (map.body.back() < 0) continue;
     const UserBody& b = to.user[map.body.back()];
     if (a.hinge_type == b.hinge_type && a.nq == b.nq && a.nv == b.nv) join(map.q, a.q, b.q, a.nq), join(map.v, a.v, b.v, a.nv);
     for (int i = 0; i < std::min(a.n_modes, b.n_modes); ++i)
       if (same_mode(from, a, to, b, i)) map.q[a.eta + i] = b.eta + i, map.v[a.etadot + i] = b.etadot + i;
   }
-  for (const UserNode& n : from.nodes) map.node.push_back(to.find_node(n.name));
+  for (const UserNode& n : from.nodes) map.node.push_back(place_of(n.name, nodes));
   for (const Device& a : from.devices.all) {
     map.device.push_back(to.devices.find(a.name));
     if (map.device.back() < 0) continue;

@@ -444,6 +444,11 @@ Vibrations along(const MatrixXd& X, const TreeOperators& tree, const Joint& J, c
   const int n = tree.size(Space::hinge);
   const MatrixXd Y = free_motions(mass.whole, X);
   const Eigen::Index free = Y.cols();
+  if (free == 0) {  // loops, and what is held, leave nothing
+    Vibrations none;
+    none.complete = true, none.rigid.resize(n, 0), none.elastic.resize(n, 0);
+    return none;
+  }
   MatrixXd KY(n, free);
   for (Eigen::Index j = 0; j < free; ++j) KY.col(j) = J.times(tree, J.K, J.K_modes, Y.col(j));
   for (const DeviceStiffness& d : devices) KY += d.K * Y;
@@ -466,7 +471,7 @@ Vibrations along(const MatrixXd& X, const TreeOperators& tree, const Joint& J, c
     const RightSingular found = right_singular(root);  // descending, and no more than there are rows
     lambda.setZero(free), vectors = found.vectors.rowwise().reverse();
     lambda.tail(found.values.size()) = found.values.cwiseAbs2().reverse();
-    nothing = free > 0 ? kRigid * kRigid * std::max(lambda[free - 1], stiffest(tree, J, mass)) : 0.0;
+    nothing = kRigid * kRigid * std::max(lambda[free - 1], stiffest(tree, J, mass));
   }
   for (Eigen::Index j = 0; j < free && lambda[j] <= nothing; ++j) ++out.n_rigid;
   const Eigen::Index taken = std::min<Eigen::Index>(std::max(options.elastic, 0), free - out.n_rigid);

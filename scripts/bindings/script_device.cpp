@@ -63,7 +63,7 @@ std::vector<Item> items(lua_State* L, LuaTable& t, const char* key, std::set<std
   return all;
 }
 
-/// A mount as it is declared: "node", "hinge", "density", or {field = "density", at = "cp", optional = true}.
+/// A mount as it is declared: "node", "hinge", "density", {reads = "hinge"}, or {field = "density", at = "cp", optional = true}.
 struct DeclaredMount {
   ScriptDevice::Mount mount;
   std::string at;  // of a field: the mount of its node; empty: not told
@@ -77,10 +77,15 @@ DeclaredMount declared(LuaTable& table, const std::string& name, bool in_full) {
   std::string word;
   if (in_full) {
     LuaTable told = *table.table(name);
-    told.require({"field"});
-    word = told.choice("field", quantities).value_or("");
-    m.at = told.text("at").value_or("");
-    m.mount.optional = told.flag("optional").value_or(false);
+    m.mount.reads = told.has("reads");
+    if (m.mount.reads) {
+      word = told.choice("reads", {"node", "hinge"}).value_or("");
+    } else {
+      told.require({"field"});
+      word = told.choice("field", quantities).value_or("");
+      m.at = told.text("at").value_or("");
+      m.mount.optional = told.flag("optional").value_or(false);
+    }
     told.finish();
   } else {
     std::vector<std::string> words{"node", "hinge"};

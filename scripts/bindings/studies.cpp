@@ -11,6 +11,7 @@
 
 #include "core/base/units.hpp"
 #include "core/dynamics/loops.hpp"
+#include "core/linalg/linear_operator.hpp"
 #include "core/model/loops.hpp"
 #include "core/operators/hybrid.hpp"
 #include "core/operators/inverse_kinematics.hpp"
@@ -103,7 +104,14 @@ int push_system_modes(lua_State* L, const TreeOperators& tree, const OperatingSt
     sink.throw_if_any();
   }
   LuaHost::charge(L, 20000LL * (tree.size(Space::body) + 1));
-  const operators::SystemModes modes = X ? operators::closed_system_modes(tree, *X, options) : operators::system_modes(tree, options);
+  const operators::SystemModes modes = [&] {
+    try {
+      return X ? operators::closed_system_modes(tree, *X, options) : operators::system_modes(tree, options);
+    } catch (const LinalgError& e) {
+      refuse(L, Code::unsupported, "modes of the system", "modes to 8 digits, none missed", e.what(),
+             "away from an equilibrium they mean little; linearize() has the poles there");
+    }
+  }();
   Labels rows = to_labels(modes.labels);
   rows.units.clear();
   lua_newtable(L);

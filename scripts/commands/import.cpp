@@ -14,6 +14,7 @@
 #include "hinges/register.hpp"
 #include "plugins/devices/register.hpp"
 #include "scripts/commands/commands.hpp"
+#include "scripts/commands/streams.hpp"
 
 namespace cardan {
 namespace {
@@ -76,9 +77,9 @@ int import_file(const ImportArguments& a) {
   expect_another_file(out, a.file);
   const auto model = tried(imported, out.string());
   write_whole_file(out, imported.yaml);
-  fmt::print("{}: {} {}, {} coordinates, {} velocities, {} {}\n", out.string(), imported.bodies, imported.bodies == 1 ? "body" : "bodies",
-             model->nq, model->nv, imported.loops, imported.loops == 1 ? "loop" : "loops");
-  for (const std::string& note : imported.notes) fmt::print("  {}\n", note);
+  say(fmt::format("{}: {} {}, {} coordinates, {} velocities, {} {}\n", out.string(), imported.bodies,
+                  imported.bodies == 1 ? "body" : "bodies", model->nq, model->nv, imported.loops, imported.loops == 1 ? "loop" : "loops"));
+  for (const std::string& note : imported.notes) say(fmt::format("  {}\n", note));
   return 0;
 }
 

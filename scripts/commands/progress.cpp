@@ -61,14 +61,14 @@ void Progress::update(double t) {
     complain(text + "\n");
   } else {
     const int filled = std::clamp(static_cast<int>(kWidth * t / t_end_), 0, kWidth);
-    complain(fmt::format("\r\033[K[{:#<{}}{:.<{}}] {}", "", filled, "", kWidth - filled, text));
+    draw(fmt::format("\r\033[K[{:#<{}}{:.<{}}] {}", "", filled, "", kWidth - filled, text));
     shown_ = true;
   }
 }
 
 void Progress::clear() {
   if (!shown_) return;
-  complain("\r\033[K");
+  draw("\r\033[K");
   shown_ = false;
 }
 

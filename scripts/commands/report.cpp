@@ -7,6 +7,7 @@
 #include "core/io/result_folder.hpp"
 #include "scripts/commands/commands.hpp"
 #include "scripts/commands/comparison.hpp"
+#include "scripts/commands/streams.hpp"
 #include "scripts/report/figure.hpp"
 
 namespace cardan {
@@ -38,7 +39,7 @@ void add_report(CommandLine& line) {
     const std::string page = html->empty() ? beside(plotted->empty() ? "report.html" : "figure.svg") : *html;
     expect_another_file(page, *h5);
     read_between_flushes(*h5, [&] { plotted->empty() ? write_report(*h5, page) : write_figure(*h5, page, *plotted); });
-    fmt::print("{}\n", page);
+    say(fmt::format("{}\n", page));
     return 0;
   });
 }

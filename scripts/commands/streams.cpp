@@ -4,10 +4,14 @@
 #include <poll.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstdio>
 #include <cstring>
+#include <string>
+
+#include "core/base/utf8.hpp"
 
 namespace cardan {
 namespace {
@@ -22,6 +26,18 @@ void note_fault() {
 bool is_unread(int descriptor) {
   pollfd p{descriptor, POLLOUT, 0};
   return poll(&p, 1, 0) > 0 && (p.revents & POLLERR) != 0;
+}
+
+/// Lines without control characters: names of files and arguments are in them.
+std::string lines(std::string_view text) {
+  std::string out;
+  while (!text.empty()) {
+    const std::size_t end = std::min(text.find_first_of("\n\t"), text.size());
+    out += printable(text.substr(0, end));
+    if (end < text.size()) out += text[end];
+    text.remove_prefix(std::min(end + 1, text.size()));
+  }
+  return out;
 }
 
 void put(std::FILE* stream, std::string_view text) {
@@ -39,8 +55,9 @@ void open_standard_streams() {
   std::signal(SIGPIPE, SIG_IGN);
 }
 
-void say(std::string_view text) { put(stdout, text); }
-void complain(std::string_view text) { put(stderr, text); }
+void say(std::string_view text) { put(stdout, lines(text)); }
+void complain(std::string_view text) { put(stderr, lines(text)); }
+void draw(std::string_view text) { put(stderr, text); }
 
 void note_output_fault(int error) {
   if (fault == 0) fault = error;

@@ -8,9 +8,12 @@ namespace cardan {
 /// that goes away is no reason to die (SIGPIPE is ignored).
 void open_standard_streams();
 
-/// Text on standard output or standard error, at once visible; what cannot be written is left out.
+/// Lines on standard output or standard error, at once visible, with a '?' for control characters that names and arguments may hold;
+/// what cannot be written is left out.
 void say(std::string_view text);
 void complain(std::string_view text);
+/// On standard error, with control characters that move the cursor.
+void draw(std::string_view text);
 
 /// A write to standard output by other means failed, with this errno.
 void note_output_fault(int error);

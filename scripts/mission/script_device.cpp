@@ -86,15 +86,19 @@ ScriptDevice::ScriptDevice(LuaHost& lua, bool& running, Description description,
                        0,
                        nullptr,
                        nullptr});
-  const std::uint32_t use = CARDAN_USE_POSE | CARDAN_USE_VELOCITY | (d_.in_step ? CARDAN_USE_LOAD : CARDAN_USE_ACCELERATION);
+  const auto use = [&](const Mount& m) -> std::uint32_t {
+    const std::uint32_t load = m.reads ? 0u : static_cast<std::uint32_t>(CARDAN_USE_LOAD);
+    if (m.hinge) return d_.in_step ? load : 0u;
+    return CARDAN_USE_POSE | CARDAN_USE_VELOCITY | (d_.in_step ? load : static_cast<std::uint32_t>(CARDAN_USE_ACCELERATION));
+  };
   static_assert(std::size(kQuantities) == CARDAN_TIME + 1);
   for (const Mount& m : d_.mounts)
     if (m.quantity >= 0)
       mounts_.push_back({m.name.c_str(), CARDAN_MOUNT_FIELD,
                          static_cast<std::uint32_t>(m.quantity) | (m.optional ? std::uint32_t{CARDAN_USE_OPTIONAL} : 0u), "a field"});
     else
-      mounts_.push_back({m.name.c_str(), static_cast<std::uint32_t>(m.hinge ? CARDAN_MOUNT_HINGE : CARDAN_MOUNT_NODE),
-                         m.hinge && !d_.in_step ? 0u : use, m.hinge ? "a component of a hinge" : "a node"});
+      mounts_.push_back({m.name.c_str(), static_cast<std::uint32_t>(m.hinge ? CARDAN_MOUNT_HINGE : CARDAN_MOUNT_NODE), use(m),
+                         m.hinge ? "a component of a hinge" : "a node"});
   for (const Item& i : d_.inputs)
     ports_.push_back({i.name.c_str(), CARDAN_PORT_IN, i.unit.c_str(), i.value, 0, "of the script", nullptr, 0, nullptr});
   const std::uint64_t direct = d_.in_step ? ~std::uint64_t{0} : 0;
@@ -109,7 +113,7 @@ ScriptDevice::ScriptDevice(LuaHost& lua, bool& running, Description description,
   };
   names(of_evaluate_, d_.outputs), names(of_evaluate_, d_.states);
   for (const Mount& m : d_.mounts)
-    if (m.quantity < 0) of_evaluate_.push_back(m.name);
+    if (m.quantity < 0 && !m.reads) of_evaluate_.push_back(m.name);
   if (!d_.in_step) names(of_tick_, d_.outputs);
   names(of_tick_, d_.memory);
   cardan_device_family& f = family_;
@@ -232,7 +236,7 @@ int ScriptDevice::evaluate(const cardan_device_args* a, cardan_device_out* out) 
     for (std::size_t i = 0; i < d_.states.size(); ++i) out->zdot[i] = *number(L, d_.states[i].name, true);
     for (std::size_t i = 0; i < d_.mounts.size(); ++i) {
       const Mount& m = d_.mounts[i];
-      if (m.quantity >= 0) continue;
+      if (m.quantity >= 0 || m.reads) continue;
       if (m.hinge) {
         out->load[i].tau = number(L, m.name, false).value_or(0.0);
         continue;

@@ -23,6 +23,7 @@ class ScriptDevice {
   struct Mount {
     std::string name;
     bool hinge = false;
+    bool reads = false;     // without pushing there; so a prescribed component will do
     int quantity = -1;      // a field
     bool optional = false;  // of a field: the vehicle may have none, all its numbers are then 0
   };

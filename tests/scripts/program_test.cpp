@@ -1,4 +1,5 @@
 // `cardan` on small scenarios: what it writes, what it answers, and with which exit code.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -351,6 +352,52 @@ TEST(Program, ResultsThatCannotBeWrittenAreRefusedBeforeTheRun) {
             "  got:      Not a directory\n"
             "  hint:     --out DIR chooses another\n\n"
             "1 error. Nothing was run.\n");
+}
+
+TEST(Program, NamesWithControlCharactersAreShownWithoutThem) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", "cardan: 1\nbodies: {bus: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}}\n");
+  write(dir / "scenario.lua", "local sat = vehicle 'vehicle.yaml'\nmission { duration = 1 }\n");
+  const Finished done = run_program({"run", ".", "--out", "o\x1b[31mx\a"}, dir.path());
+  EXPECT_EQ(done.exit_code, 0) << done.err;
+  EXPECT_TRUE(has(done.out, "o?[31mx?/run.h5")) << done.out;
+  EXPECT_EQ((done.out + done.err).find_first_of("\x1b\a"), std::string::npos);
+  EXPECT_TRUE(fs::exists(dir / "o\x1b[31mx\a/run.h5"));
+}
+
+TEST(Program, NumbersBeyondAllMeasureAreToldAsSuch) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml",
+        "cardan: 1\nbodies:\n"
+        "  a: {mass: 1e300, inertia: [1e300, 1e300, 1e300], hinge: {type: free, to: world}}\n"
+        "  b: {mass: 1e300, inertia: [1e300, 1e300, 1e300], com: [1, 0, 0],\n"
+        "      hinge: {type: revolute, axis: [0, 0, 1], to: {body: a, position: [1, 0, 0]}, initial: {rate: 1}}}\n");
+  write(dir / "scenario.lua", "local sat = vehicle 'vehicle.yaml'\nmission { duration = 1 }\n");
+  const Finished done = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+  EXPECT_EQ(done.exit_code, 3);
+  EXPECT_TRUE(has(done.err, "failure[N0108]") && has(done.err, "beyond 1.8e308: masses")) << done.err;
+}
+
+/// A closed mechanism that friction holds altogether has no motions, and so no modes; with a stiff device too.
+TEST(Program, WhatFrictionHoldsAltogetherHasNoModes) {
+  const TemporaryFolder dir;
+  const auto bar = [](const char* name, const char* length, const char* to, const char* more) {
+    return fmt::format(
+        "  {0}: {{mass: 1, inertia: [1, 1, 1], com: [0.5, 0, 0], nodes: {{tip: {{position: [{1}, 0, 0]}}}}, hinge: {{type: "
+        "revolute, axis: [0, 0, 1], to: {2}{3}}}}}\n",
+        name, length, to, more);
+  };
+  write(dir / "vehicle.yaml", "cardan: 1\ngravity: {uniform: [0, -9.81, 0]}\nbodies:\n" +
+                                  bar("a", "1", "world", ", initial: {angle: 1.5}") + bar("b", "2", "a.tip", "") +
+                                  bar("c", "1.6", "{body: world, position: [2, 0, 0]}", "") +
+                                  "loops:\n  p: {type: revolute, axis: [0, 0, 1], from: b.tip, to: c.tip}\n"
+                                  "devices:\n  f: {type: dry_friction, at: a, coulomb: 100}\n"
+                                  "  s: {type: spring_damper, from: world, to: c.tip, stiffness: 10, rest: 1}\n");
+  write(dir / "scenario.lua",
+        "local sat = vehicle 'vehicle.yaml'\nmission { duration = 1 }\n"
+        "check { name = 'modes', value = function() local m = sat:system_modes {} return m.n_rigid + #m.frequency end, equal = { 0 } }\n");
+  const Finished done = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+  EXPECT_EQ(done.exit_code, 0) << done.err << done.out;
 }
 
 TEST(Program, AFullDiskIsAFailureOfTheRun) {

@@ -77,6 +77,36 @@ TEST(ScriptDevices, MayActInsideOfAStep) {
   EXPECT_NE(told.out.find("lua/spring: in the right-hand side"), std::string::npos) << told.out;
 }
 
+/// What reads alone may read a hinge whose motion is given, inside of a step: the work of a constant force over its rate, and its angle.
+TEST(ScriptDevices, ReadHingesWhoseMotionIsGiven) {
+  const TemporaryFolder dir;
+  const std::string vehicle =
+      "cardan: 1\nbodies:\n  bus: {mass: 10, inertia: [2, 2, 2], hinge: {type: free, to: world}}\n"
+      "  arm: {mass: 1, inertia: [0.1, 0.1, 0.1], hinge: {type: revolute, to: bus, axis: [1, 0, 0], prescribed: true, initial: {rate: "
+      "0.5}}}\n"
+      "devices: {way: {type: lua/way, at: arm}}\n";
+  const auto script = [](const char* mounts, const char* more) {
+    return std::string("device { type = 'lua/way', in_step = true, mounts = { at = ") + mounts +
+           " }, states = { way = 'rad', square = 'rad^2 s' },\n  evaluate = function(a) return { way = a.at.v, square = a.at.q ^ 2" + more +
+           " } end }\nlocal sat = vehicle 'vehicle.yaml'\n"
+           "sat:hinge('arm'):profile { hold = '0.5 rad/s' }\n"
+           "mission { duration = 4, integrator = { relative = 1e-10 } }\n"
+           "check { name = 'way', value = function() return sat:device('way'):get 'way' end, equal = { 2, tolerance = 1e-8 } }\n"
+           "check { name = 'square', value = function() return sat:device('way'):get 'square' end, equal = { 16 / 3, tolerance = 1e-8 } "
+           "}\n";
+  };
+  write(dir / "vehicle.yaml", vehicle);
+  write(dir / "scenario.lua", script("{ reads = 'hinge' }", ""));
+  const Finished done = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+  EXPECT_EQ(done.exit_code, 0) << done.err << done.out;
+  write(dir / "scenario.lua", script("'hinge'", ""));
+  const Finished pushes = run_program({"check", "."}, dir.path());
+  EXPECT_TRUE(has(pushes.err, "error[C0401]") && has(pushes.err, "{reads = \"hinge\"}")) << pushes.err;
+  write(dir / "scenario.lua", script("{ reads = 'hinge' }", ", at = 1"));
+  const Finished both = run_program({"check", "."}, dir.path());
+  EXPECT_TRUE(both.exit_code == 2 && has(both.err, "\"at\"")) << both.err;
+}
+
 /// A drag and a coil of the script on one body, those that are built in on another: they move alike to the last bit.
 TEST(ScriptDevices, ReadFieldsWhereTheyAre) {
   const TemporaryFolder dir;

@@ -111,7 +111,7 @@ function controller(options) end
 ---@class DeviceTypeOptions
 ---@field type string its name in the vehicle file, lua/damper
 ---@field summary? string
----@field mounts? table<string, "node"|"hinge"|"gravity"|"magnetic"|"density"|"wind"|"light"|"position"|"attitude"|"time"|{field: string, at?: string, optional?: boolean}> where it is mounted and which fields it reads there, the keys of the vehicle file
+---@field mounts? table<string, "node"|"hinge"|"gravity"|"magnetic"|"density"|"wind"|"light"|"position"|"attitude"|"time"|{reads: "node"|"hinge"}|{field: string, at?: string, optional?: boolean}> where it is mounted and which fields it reads there, the keys of the vehicle file
 ---@field params? table<string, string|number|table> numbers of the vehicle file: a unit, a default, or { default, unit }
 ---@field inputs? table<string, string|number|table> the same
 ---@field outputs? table<string, string|number|table> what it gives
