@@ -36,6 +36,35 @@ TEST(GravityField, OfGGM03SPullsAsItsPotentialSays) {
   }
 }
 
+/// Against Basilisk, in axes that turn: there v = dx/dt, and from outside v + w x r.
+TEST(Polyhedron, CarriesADayAboutErosAsBasiliskHasIt) {
+  const Published ref("orbit-eros-polyhedron");
+  const double w = 2.0 * std::numbers::pi / (3600.0 * ref.model()["period_h"].as<double>());
+  std::vector<std::vector<std::string>> texts;  // there is no line of names
+  const auto rows = rows_of("gravity/eros_polyhedron_check.csv", &texts);
+  const auto vector = [&](const std::vector<double>& row, std::size_t i) { return Vector3d(row[i], row[i + 1], row[i + 2]); };
+  const Vector3d r = vector(rows[0], 1), v = vector(rows[0], 4) + w * Z.cross(r);
+  BodySpec body = on(particle("probe", 100.0, Vector3d::Zero()), "", "translational");
+  body.hinge.q = {r.x(), r.y(), r.z()}, body.hinge.v = {v.x(), v.y(), v.z()};
+  GravitySpec pull;
+  pull.kind = GravitySpec::Kind::field, pull.fields = {"eros"}, pull.gradient = false;
+  SystemSpec spec = system({body}, pull);
+  FieldSpec eros;
+  eros.name = "eros", eros.type = "polyhedron";
+  eros.params["mu"].value = ref.model()["mu_m3s2"].as<double>(), eros.params["rate"].value = w, eros.params["unit"].value = 1000.0;
+  eros.params["shape"].value = std::string(CARDAN_SOURCE_DIR "/tests/reference/data/gravity/eros_shape_856.txt");
+  spec.fields = {eros};
+  const auto sim = run_of(spec, "dop853", 1e-12);
+  double worst = 0.0;
+  for (const auto& row : rows) {
+    if (row[0] > 0.0) sim->run(row[0]);
+    const Vector3d there = Eigen::AngleAxisd(-w * row[0], Z) * Vector3d(sim->state().q.head<3>());
+    worst = worse(worst, (there - vector(row, 1)).norm());
+  }
+  EXPECT_EQ(rows.size(), 289U);
+  expect_within("position [m]", worst, ref.tolerance("m"));
+}
+
 TEST(EarthFrames, AreThoseOfTheIau) {
   const Published ref("env-erfa-frames");
   const auto mjd = [](double day, double part = 0.0) { return Days{day - 51544.5, part}; };

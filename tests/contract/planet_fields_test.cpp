@@ -117,6 +117,64 @@ TEST(TurningPlanet, StandsWhereTheEarthDoes) {
     EXPECT_FALSE(read_date(none, TimeScale::tt, 0.0)) << none;
 }
 
+/// A box against its masses, by Gauss' points in each of 6 x 6 x 6 parts; beyond its surface there is no more to know.
+TEST(Polyhedron, PullsAsItsMassesDo) {
+  const Vector3d edges(2.0, 3.0, 1.2), axis = Vector3d(1.0, 2.0, -0.5).normalized(), meridian(0.4, 0.2, 1.0), centre(3.0, -1.0, 2.0);
+  const double mu = 5.0, rate = 0.3, t = 2.7;
+  const AskedField box("polyhedron", {{"mu", {mu}},
+                                      {"box", numbers(edges)},
+                                      {"rate", {rate}},
+                                      {"axis", numbers(axis)},
+                                      {"meridian", numbers(meridian)},
+                                      {"centre", numbers(centre)}});
+  Matrix3d R;
+  R.col(2) = axis, R.col(0) = (meridian - meridian.dot(axis) * axis).normalized(), R.col(1) = axis.cross(R.col(0));
+  R = AngleAxisd(rate * t, axis) * R;
+  constexpr double kNodes[] = {-0.906179845938664, -0.538469310105683, 0.0, 0.538469310105683, 0.906179845938664};
+  constexpr double kWeights[] = {0.236926885056189, 0.478628670499366, 0.568888888888889, 0.478628670499366, 0.236926885056189};
+  constexpr int kParts = 6;
+  std::vector<std::pair<double, double>> line;  // on (-1/2, 1/2)
+  for (int k = 0; k < kParts; ++k)
+    for (int i = 0; i < 5; ++i) line.emplace_back((k + 0.5 + 0.5 * kNodes[i]) / kParts - 0.5, 0.5 * kWeights[i] / kParts);
+  for (const Vector3d& x : {Vector3d(4.0, 1.0, 0.5), Vector3d(-0.3, 0.2, 3.0), Vector3d(1.2, -2.4, 1.3), Vector3d(30.0, -20.0, 10.0)}) {
+    Vector3d a = Vector3d::Zero();
+    double U = 0.0;
+    for (const auto& [u, wu] : line)
+      for (const auto& [v, wv] : line)
+        for (const auto& [w, ww] : line) {
+          const Vector3d d = x - edges.cwiseProduct(Vector3d(u, v, w));
+          a -= mu * wu * wv * ww / std::pow(d.norm(), 3) * d, U -= mu * wu * wv * ww / d.norm();
+        }
+    const auto found = box.at(centre + R * x, t);
+    EXPECT_LE((found.value.head<3>() - R * a).norm() / a.norm(), 1e-10) << x.transpose();
+    EXPECT_NEAR(found.value[3] / U, 1.0, 1e-10);
+    EXPECT_EQ(found.beyond, 0);
+  }
+  EXPECT_EQ(box.at(centre + R * Vector3d(0.9, -1.4, 0.5), t).beyond, 1);
+  EXPECT_EQ(box.at(centre + R * Vector3d(0.9, -1.6, 0.5), t).beyond, 0);
+}
+TEST(Polyhedron, IsAClosedSurface) {
+  const std::string corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n", faces = "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+  const auto told = [](const std::string& text) {
+    const AskedField f("polyhedron", {{"mu", {1.0}}, {"rate", {0.0}}}, {}, {{"shape", text}});
+    return f.refusal() + " / " + f.got();
+  };
+  EXPECT_EQ(told(corners + faces), " / ");
+  EXPECT_EQ(told("# counted\n4 4\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n1 3 2\n1 2 4\n2 3 4\n1 4 3\n"), " / ");
+  EXPECT_EQ(told(corners + "f 0 2 1\nf 0 1 3\nf 1 2 3\nf 0 3 2\n"), " / ");  // from 0
+  const std::string closed = "a closed surface of triangles, counter-clockwise from outside / ",
+                    lines = "lines `v x y z` and `f i j k` of three numbers each / ";
+  EXPECT_EQ(told(corners + "f 1 3 2\nf 1 2 4\nf 2 3 4\n"), closed + "a side of one triangle alone, of triangle 1");
+  EXPECT_EQ(told(corners + "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 3 4\n"),
+            closed + "two triangles that go the same way along a side, of triangle 4");
+  EXPECT_EQ(told(corners + "f 1 2 3\nf 1 4 2\nf 2 4 3\nf 1 3 4\n"),
+            "triangles that go counter-clockwise, seen from outside / a body turned inside out");
+  EXPECT_EQ(told("v 0 0 0\nv 1 0 0\nv 2 0 0\nv 0 0 1\n" + faces), closed + "a triangle without an area, of triangle 1");
+  EXPECT_EQ(told(corners + "f 1 3 5\n"), lines + "a triangle with the corner 5, of 4");
+  EXPECT_EQ(told(corners + "f 1 3\n"), lines + "line 5: f 1 3");
+  EXPECT_EQ(told("v 0 0 x\n"), lines + "\"x\" in line 1");
+}
+
 TEST(SphericalHarmonics, RefuseRowsThatAreNone) {
   const auto refusal = [](std::vector<double> rows) {
     return AskedField("spherical_harmonics", {{"mu", {1.0}}, {"radius", {1.0}}, {"coefficients", std::move(rows)}, {"rate", {0.0}}})
