@@ -77,8 +77,8 @@ struct HarrisPriester {
     const double* c = p.planet.centre;
     const Vec3<T> d = at.x - Vec3<T>{T(c[0]), T(c[1]), T(c[2])}, bulge{T(p.bulge[0]), T(p.bulge[1]), T(p.bulge[2])};
     const T r = sqrt(dot(d, d));
-    T square = T(0.5) * (T(1.0) + dot(d, bulge) / r);  // of the cosine of half the angle
-    if (!(square > T(0.0))) square = T(0.0);           // by rounding
+    T square = r > T(0.0) ? T(0.5) * (T(1.0) + dot(d, bulge) / r) : T(0.5);  // of the cosine of half the angle
+    if (!(square > T(0.0))) square = T(0.0);                                 // by rounding
     density[0] = least + (most - least) * pow(square, p.half_exponent);
   }
 };

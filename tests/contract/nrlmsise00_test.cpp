@@ -83,11 +83,13 @@ TEST(Nrlmsise00Field, GivesItsGradient) {
   Numbers storm = kUsual;
   storm["activity"] = {1.0}, storm["ap"] = {90.0};
   double worst = 0.0, sideways = 0.0;
-  for (const Numbers& given : {kUsual, storm}) {
+  const Numbers cases[] = {kUsual, storm};
+  for (const Numbers& given : cases) {
     const AskedField f("nrlmsise00", given, epoch);
     for (const double height : {5e3, 25e3, 47e3, 66e3, 80e3, 97e3, 112e3, 140e3, 220e3, 420e3, 800e3})
-      for (const double latitude : {-1.4, -0.3, 0.7}) {
-        const Vector3d x = place(height, latitude, 1.9, 0.0);
+      for (const double latitude : {-1.4, -0.3, 0.7, kPi / 2}) {
+        if (latitude > 1.5 && &given == &cases[1]) continue;  // activity fades by the distance from the pole: a corner there
+        const Vector3d x = latitude > 1.5 ? Vector3d(0, 0, (1.0 - kFlattening) * kRadius + height) : place(height, latitude, 1.9, 0.0);
         const auto here = f.at(x, 1000.0);
         const Vector3d slope = here.gradient.row(0);
         constexpr double kStep = 100.0;
@@ -164,6 +166,21 @@ TEST(Nrlmsise00Field, KnowsTheGroundAndAThousandKilometres) {
   EXPECT_TRUE(centre.value.allFinite());
 }
 
+// With a quiet Sun on a day amid an active rotation, and a storm, 1/T of the model passes zero above the pole.
+TEST(Nrlmsise00Field, TellsWhereItsModelFails) {
+  const AskedField f("nrlmsise00", {{"day", {187.955}}, {"f107", {60.0}}, {"f107_average", {300.0}}, {"ap", {300.0}}});
+  int told = 0;
+  for (double height = 105e3; height < 125e3; height += 50.0) {
+    const auto there = f.at(place(height, kPi / 2, 0.0, 0.0));
+    told += there.beyond == 16;
+    if (there.beyond == 0) {
+      EXPECT_TRUE(std::isfinite(there.value[0]) && there.value[0] > 0.0) << height;
+    }
+  }
+  EXPECT_GE(told, 10);
+  EXPECT_LE(told, 390);
+}
+
 TEST(Nrlmsise00Field, RefusesWhatDoesNotFit) {
   const Texts epoch{{"epoch", "2003-10-29T14:00:00"}};
   const auto told = [](const Numbers& numbers, const Texts& texts, const Texts& files = {}) {
@@ -184,6 +201,7 @@ TEST(Nrlmsise00Field, RefusesWhatDoesNotFit) {
   EXPECT_EQ(told({}, epoch),
             "the flux F10.7 of the Sun, some 70 where it is quiet, 150 on the mean, 250 where it is active / neither it nor `weather`");
   EXPECT_EQ(told(kUsual, epoch, file), "no constants beside `weather` / ");
+  EXPECT_EQ(told({{"ap", {15.0}}}, epoch, file), "no constants beside `weather` / ");
   EXPECT_EQ(told({{"day", {3.5}}}, {}, file), "the UT of t = 0: `weather` has dates / no such key");
   EXPECT_EQ(told({}, epoch, changed(all, "f107_obs_c81", "mean")),
             "a CSV file whose first line names the columns year, month, day, ap1 to ap8, ap_avg, f107_obs, f107_obs_c81 / no column "
