@@ -57,6 +57,21 @@ TEST(Nrlmsise00Field, AsksForTheLatitudeLongitudeDateAndTime) {
   EXPECT_NEAR(in_2027.value[0] / of_model(new_year, 400e3, 0.9, 0.4), 1.0, 1e-10);
 }
 
+// Printed to four digits; anomalous oxygen is 2 % of the density at 1000 km.
+TEST(Nrlmsise00Field, HasTheProfileOfAnotherProgram) {
+  const AskedField f("nrlmsise00", {{"f107", {121.0}}, {"f107_average", {80.0}}, {"ap", {7.0}}}, {{"epoch", "1986-06-19T21:30:00"}});
+  const double ahead = earth_rotation_angle(*Days::of("1986-06-19T21:30:00"));
+  const auto rows = rows_of("atmosphere/nrlmsise00_profile_1986.csv");
+  EXPECT_EQ(rows.size(), 11u);
+  for (const auto& row : rows) {
+    const double height = std::min(std::max(1e3 * row[0], 1e-3), 1000e3 - 1e-3);
+    const double wanted = 1e3 * (row[1] + 16.0 * 1.66e-24 * row[2]);
+    const auto got = f.at(place(height, -16.0 * kPi / 180.0, 312.0 * kPi / 180.0, ahead));
+    EXPECT_EQ(got.beyond, 0);
+    EXPECT_NEAR(got.value[0] / wanted, 1.0, 6e-4) << row[0];
+  }
+}
+
 TEST(Nrlmsise00Field, StandsAndTurnsAsItsPlanet) {
   const Vector3d axis = Vector3d(0.2, -0.5, 0.8).normalized(), meridian = Vector3d(0.3, 1.0, 0.4).normalized(), centre(1e5, 2e5, -3e5);
   Numbers given = kUsual;
