@@ -103,6 +103,7 @@ struct Nrlmsise00 {
   static constexpr double distance = 6.7e6;                                      // [m] of the laws
   static constexpr double kRadius = 6378137.0, kFlattening = 1 / 298.257223563;  // of WGS 84
   static constexpr double kDay = 86400.0;                                        // [s]
+  static constexpr double kMostFlux = 400.0;                                     // F10.7 of no day without a flare was larger
   static constexpr double kQuiet = 4.0;                                          // ap
   static constexpr double kHighest = 1000e3;                                     // [m]
   static constexpr const char* activities[] = {"daily", "history"};
@@ -114,8 +115,8 @@ struct Nrlmsise00 {
                       0.0, 367.0, CARDAN_BELOW),
       param::in_range(
           param::optional("f107", CARDAN_NUMBER, "1", "flux F10.7 of the Sun, of the day before [1e-22 W/(m^2 Hz)]; or `weather`"), 0.0,
-          500.0),
-      param::in_range(param::optional("f107_average", CARDAN_NUMBER, "1", "F10.7 over 81 days; 0: as `f107`"), 0.0, 500.0),
+          kMostFlux),
+      param::in_range(param::optional("f107_average", CARDAN_NUMBER, "1", "F10.7 over 81 days; 0: as `f107`"), 0.0, kMostFlux),
       param::in_range(param::optional("ap", CARDAN_NUMBER, "1", "magnetic activity; the default is that of quiet days", kQuiet), 0.0,
                       400.0),
       param::optional("weather", CARDAN_FILE, "1",
@@ -130,7 +131,7 @@ struct Nrlmsise00 {
       {"highest", 1, "1000 km above the ellipsoid"},
       {"before", 1, "before the second day of `weather`, with `activity: history` the fourth"},
       {"after", 1, "after the last day of `weather`"},
-      {"model", 0, "F10.7 and ap for which the model has no temperature from 0 to 4000 K or no density there"}};
+      {"model", 0, "F10.7 above 400, a flare that day, or F10.7 and ap for which the model has no temperature from 0 to 4000 K"}};
   struct Packed {
     TurningPlanet planet;
     double seconds;                     // of the day at t = 0
@@ -224,6 +225,7 @@ struct Nrlmsise00 {
     out.cosine = std::cos(hour), out.sine = std::sin(hour);
     const auto [least, most] = std::minmax(now.f107, now.average);
     out.extreme = least < 60.0 || most > 300.0 || now.average > 250.0 || std::ranges::max(now.ap) > 100.0;
+    if (now.f107 > kMostFlux) beyond |= 16;
     msis::prepare(now, out.moment);
     return beyond;
   }

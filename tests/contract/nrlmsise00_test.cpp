@@ -194,6 +194,13 @@ TEST(Nrlmsise00Field, TellsWhereItsModelFails) {
   }
   EXPECT_GE(told, 10);
   EXPECT_LE(told, 390);
+  // A flare while F10.7 was measured counts from the next midnight on.
+  std::string flare = storm_of_2003();
+  flare.replace(flare.find("291.7"), 5, "707.6");
+  const AskedField g("nrlmsise00", {}, {{"epoch", "2003-10-29T12:00:00"}}, {{"weather", flare}});
+  const Vector3d x = place(420e3, 0.3, 0.0, 0.0);
+  EXPECT_EQ(g.at(x, 43199.0).beyond, 0);
+  EXPECT_EQ(g.at(x, 43201.0).beyond, 16);
 }
 
 TEST(Nrlmsise00Field, RefusesWhatDoesNotFit) {
