@@ -170,7 +170,6 @@ int fields(double seconds) {
     values.numbers["coefficients"].clear();
     if (f.quantity == CARDAN_GRAVITY) values.numbers["radius"] = {6378e3};
     values.numbers["f107"] = {150.0};
-    if (std::string_view(f.type) == "harris_priester") values.numbers["direction"] = {0.6, 0.0, 0.8};
     values.numbers["table"] = {0.0, 1.2, 100e3, 5e-7, 500e3, 1e-12, 1000e3, 1e-15};
     for (int n = f.quantity == CARDAN_MAGNETIC ? 1 : 2; n <= degree; ++n)  // of the size that Kaula found
       for (int m = 0; m <= n; ++m)

@@ -33,4 +33,30 @@ struct CelestialPlace {
   }
 };
 
+/// The Sun of a field: in a direction that does not move, or where it is from a date on.
+struct SunPlace {
+  double direction[3];
+  std::int64_t moves;  // 1: `place` tells where it is
+  CelestialPlace place;
+
+  static constexpr cardan_param_desc direction_desc =
+      param::optional("direction", CARDAN_UNIT_VECTOR, "1", "to a Sun that does not move, world axes");
+  static constexpr cardan_param_desc epoch_desc =
+      param::optional("epoch", CARDAN_TEXT, "1", "in its place: date of t = 0, 2026-11-26T12:00:00 UTC (or UT1, TT, TAI)");
+
+  bool pack(const Params& params) {
+    const Eigen::Vector3d s = params.vector("direction");
+    *this = {{s[0], s[1], s[2]}, 0, {}};
+    const char* text = params.text("epoch");
+    if (!text) return s.norm() > 0.0 || params.fail("epoch", "the date of t = 0, or the `direction` to a Sun that does not move", "none");
+    if (s.norm() > 0.0) return params.fail("direction", "none: the Sun is where the ephemerides have it at `epoch`");
+    const auto epoch = Epoch::of(text, 0.0);
+    if (!epoch) return params.fail("epoch", TurningPlanet::kDateExpected);
+    const int origin = params.choice("origin");
+    if (origin == static_cast<int>(Celestial::sun)) return params.fail("origin", "another than the Sun, which shines on it");
+    moves = 1, place = {static_cast<int>(Celestial::sun), origin, epoch->tt};
+    return true;
+  }
+};
+
 }  // namespace cardan

@@ -3,7 +3,7 @@
 // Orbits, 3.5.2).
 #include <cmath>
 
-#include "plugins/fields/planet.hpp"
+#include "plugins/fields/celestial_place.hpp"
 
 namespace cardan {
 namespace {
@@ -13,7 +13,7 @@ struct HarrisPriester {
   static constexpr const char* summary =
       "density of the Earth's air from 100 to 1000 km by Harris and Priester, with a bulge behind the Sun";
   static constexpr std::uint32_t quantity = CARDAN_DENSITY;
-  static constexpr unsigned facts = CARDAN_FIELD_STEADY;
+  static constexpr unsigned facts = 0u;
   static constexpr double distance = 6.7e6;  // [m] of the laws
   struct Row {
     double height, least, most;  // [m], [kg/m^3]
@@ -34,10 +34,16 @@ struct HarrisPriester {
       {960e3, 1.56e-15, 2.36e-14},   {1000e3, 1.15e-15, 1.81e-14}};
   struct Packed {
     Ellipsoid planet;
-    double bulge[3], half_exponent;  // direction to it
+    SunPlace sun;
+    double axis[3], lag, half_exponent;
+  };
+  struct Prepared {
+    double bulge[3];  // direction to it
   };
   static constexpr cardan_param_desc schema[] = {
-      param::required("direction", CARDAN_UNIT_VECTOR, "1", "to the Sun, world axes"),
+      SunPlace::direction_desc,
+      SunPlace::epoch_desc,
+      CelestialPlace::origin_desc,
       param::in_range(
           param::optional("exponent", CARDAN_NUMBER, "1",
                           "of the cosine of half the angle from the bulge: 2 for orbits of low inclination, 6 for polar ones", 4.0),
@@ -55,9 +61,19 @@ struct HarrisPriester {
 
   static bool pack(const Params& params, Packed& p) {
     p.planet.pack(params);
-    const Eigen::Vector3d axis = params.vector("axis"), bulge = Eigen::AngleAxisd(params.number("lag"), axis) * params.vector("direction");
-    p.bulge[0] = bulge.x(), p.bulge[1] = bulge.y(), p.bulge[2] = bulge.z(), p.half_exponent = 0.5 * params.number("exponent");
-    return true;
+    const Eigen::Vector3d axis = params.vector("axis");
+    p.axis[0] = axis.x(), p.axis[1] = axis.y(), p.axis[2] = axis.z();
+    p.lag = params.number("lag"), p.half_exponent = 0.5 * params.number("exponent");
+    return p.sun.pack(params);
+  }
+  static int prepare(const Packed& p, double t, Prepared& out) noexcept {
+    Eigen::Vector3d sun(p.sun.direction);
+    if (p.sun.moves != 0) {
+      const Vec3<double> place = p.sun.place.at(t);
+      sun = Eigen::Vector3d(place.x, place.y, place.z).normalized();
+    }
+    Eigen::Map<Eigen::Vector3d>{out.bulge} = Eigen::AngleAxisd(p.lag, Eigen::Vector3d(p.axis)) * sun;
+    return 0;
   }
   static int beyond(const Packed& p, const FieldPoint<HarrisPriester, double>& at) noexcept {
     const double h = p.planet.height(at.x);
@@ -75,10 +91,11 @@ struct HarrisPriester {
     const auto between = [&](double from, double to) { return T(from) * exp(part * T(std::log(to / from))); };
     const T least = between(low->least, low[1].least), most = between(low->most, low[1].most);
     const double* c = p.planet.centre;
-    const Vec3<T> d = at.x - Vec3<T>{T(c[0]), T(c[1]), T(c[2])}, bulge{T(p.bulge[0]), T(p.bulge[1]), T(p.bulge[2])};
+    const Vec3<T> d = at.x - Vec3<T>{T(c[0]), T(c[1]), T(c[2])},
+                  bulge{T(at.prepared->bulge[0]), T(at.prepared->bulge[1]), T(at.prepared->bulge[2])};
     const T r = sqrt(dot(d, d));
-    T square = T(0.5) * (T(1.0) + dot(d, bulge) / r);  // of the cosine of half the angle
-    if (!(square > T(0.0))) square = T(0.0);           // by rounding
+    T square = r > T(0.0) ? T(0.5) * (T(1.0) + dot(d, bulge) / r) : T(0.5);  // of the cosine of half the angle
+    if (!(square > T(0.0))) square = T(0.0);                                 // by rounding
     density[0] = least + (most - least) * pow(square, p.half_exponent);
   }
 };

@@ -103,6 +103,8 @@ struct Nrlmsise00 {
   static constexpr double distance = 6.7e6;                                      // [m] of the laws
   static constexpr double kRadius = 6378137.0, kFlattening = 1 / 298.257223563;  // of WGS 84
   static constexpr double kDay = 86400.0;                                        // [s]
+  static constexpr double kMostFlux = 400.0;                                     // F10.7 of no day without a flare was larger
+  static constexpr double kQuiet = 4.0;                                          // ap
   static constexpr double kHighest = 1000e3;                                     // [m]
   static constexpr const char* activities[] = {"daily", "history"};
   static constexpr cardan_param_desc schema[] = {
@@ -113,9 +115,10 @@ struct Nrlmsise00 {
                       0.0, 367.0, CARDAN_BELOW),
       param::in_range(
           param::optional("f107", CARDAN_NUMBER, "1", "flux F10.7 of the Sun, of the day before [1e-22 W/(m^2 Hz)]; or `weather`"), 0.0,
-          500.0),
-      param::in_range(param::optional("f107_average", CARDAN_NUMBER, "1", "F10.7 over 81 days; 0: as `f107`"), 0.0, 500.0),
-      param::in_range(param::optional("ap", CARDAN_NUMBER, "1", "magnetic activity; the default is that of quiet days", 4.0), 0.0, 400.0),
+          kMostFlux),
+      param::in_range(param::optional("f107_average", CARDAN_NUMBER, "1", "F10.7 over 81 days; 0: as `f107`"), 0.0, kMostFlux),
+      param::in_range(param::optional("ap", CARDAN_NUMBER, "1", "magnetic activity; the default is that of quiet days", kQuiet), 0.0,
+                      400.0),
       param::optional("weather", CARDAN_FILE, "1",
                       "CSV file of days: columns year, month, day, ap1 to ap8, ap_avg, f107_obs, f107_obs_c81; in place of constants"),
       param::named(param::optional("activity", CARDAN_CHOICE, "1", "ap of the day, or of 3 h and the 57 h before"), activities),
@@ -127,10 +130,12 @@ struct Nrlmsise00 {
       TurningPlanet::pole_x_desc,
       TurningPlanet::pole_y_desc,
       TurningPlanet::centre_desc};
-  static constexpr cardan_limit_desc limits[] = {{"lowest", 1, "below the ellipsoid"},
-                                                 {"highest", 1, "1000 km above the ellipsoid"},
-                                                 {"before", 1, "before the second day of `weather`, with `activity: history` the fourth"},
-                                                 {"after", 1, "after the last day of `weather`"}};
+  static constexpr cardan_limit_desc limits[] = {
+      {"lowest", 1, "below the ellipsoid"},
+      {"highest", 1, "1000 km above the ellipsoid"},
+      {"before", 1, "before the second day of `weather`, with `activity: history` the fourth"},
+      {"after", 1, "after the last day of `weather`"},
+      {"model", 0, "F10.7 above 400, a flare that day, or F10.7 and ap for which the model has no temperature from 0 to 4000 K"}};
   struct Packed {
     TurningPlanet planet;
     double seconds;                     // of the day at t = 0
@@ -142,6 +147,7 @@ struct Nrlmsise00 {
   struct Prepared {
     PlanetAxes axes;
     double cosine, sine;  // of the local time at longitude 0
+    double extreme;       // F10.7 or ap for which the model may fail: in 3 million trials it never did for others
     msis::Moment moment;
   };
 
@@ -176,8 +182,8 @@ struct Nrlmsise00 {
                            "neither it nor `weather`", "`weather` takes it, its mean and ap from a file of days");
       return true;
     }
-    for (const char* constant : {"f107", "f107_average"})
-      if (params.number(constant) != 0.0) return params.fail(constant, "no constants beside `weather`");
+    for (const auto& [constant, absent] : {std::pair("f107", 0.0), std::pair("f107_average", 0.0), std::pair("ap", kQuiet)})
+      if (params.number(constant) != absent) return params.fail(constant, "no constants beside `weather`");
     if (!params.text("epoch")) return params.fail("epoch", "the date of t = 0: `weather` has dates", "no such key");
     const auto file = WeatherFile::read(params);
     if (!file) return false;
@@ -221,6 +227,9 @@ struct Nrlmsise00 {
     out.axes = PlanetAxes::at(p.planet, t);
     const double hour = 2.0 * std::numbers::pi * now.seconds / kDay;
     out.cosine = std::cos(hour), out.sine = std::sin(hour);
+    const auto [least, most] = std::minmax(now.f107, now.average);
+    out.extreme = least < 60.0 || most > 300.0 || now.average > 250.0 || std::ranges::max(now.ap) > 100.0;
+    if (now.f107 > kMostFlux) beyond |= 16;
     msis::prepare(now, out.moment);
     return beyond;
   }
@@ -240,21 +249,31 @@ struct Nrlmsise00 {
   }
   static int beyond(const Packed& p, const FieldPoint<Nrlmsise00, double>& at) noexcept {
     const double h = place(from_centre(p, at)).height;
-    return (h < 0.0 ? 1 : 0) | (h > kHighest ? 2 : 0);
+    bool fails = false;
+    if (at.prepared->extreme != 0.0) {
+      const msis::Air<double> air = asked(p, at);
+      const double density = air.density();
+      fails = !(air.temperature > 0.0 && air.temperature < 4000.0 && density > 0.0 && std::isfinite(density));
+    }
+    return (h < 0.0 ? 1 : 0) | (h > kHighest ? 2 : 0) | (fails ? 16 : 0);
   }
   template <class T>
-  static void evaluate(const Packed& p, const FieldPoint<Nrlmsise00, T>& at, T* density) noexcept {
+  static msis::Air<T> asked(const Packed& p, const FieldPoint<Nrlmsise00, T>& at) noexcept {
     using std::sqrt;
-    const Vec3<T> d = from_centre(p, at);
+    Vec3<T> d = from_centre(p, at);
+    if (!(d.x * d.x + d.y * d.y > T(0.0))) d.x = d.x + T(1e-3);  // at a pole longitudes are none, a millimetre beside it they are
     const Geodetic<T> on = place(d);
     T h = on.height;
     if (h < T(0.0)) h = T(0.0);
     if (h > T(kHighest)) h = T(kHighest);
     const T out = sqrt(d.x * d.x + d.y * d.y);
-    const bool pole = !(out > T(0.0));
-    const T cosine = pole ? T(1.0) : d.x / out, sine = pole ? T(0.0) : d.y / out, c(at.prepared->cosine), s(at.prepared->sine);
+    const T cosine = d.x / out, sine = d.y / out, c(at.prepared->cosine), s(at.prepared->sine);
     const msis::Place<T> there{T(1e-3) * h, on.cosine, on.sine, cosine, sine, c * cosine - s * sine, s * cosine + c * sine};
-    density[0] = T(1e3) * msis::air(at.prepared->moment, there).density();
+    return msis::air(at.prepared->moment, there);
+  }
+  template <class T>
+  static void evaluate(const Packed& p, const FieldPoint<Nrlmsise00, T>& at, T* density) noexcept {
+    density[0] = T(1e3) * asked(p, at).density();
   }
 };
 

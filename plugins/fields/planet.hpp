@@ -9,6 +9,7 @@
 #include "core/abi/field_family.hpp"
 #include "plugins/astronomy/dates.hpp"
 #include "plugins/astronomy/earth.hpp"
+#include "plugins/fields/geodetic.hpp"
 
 namespace cardan {
 
@@ -118,29 +119,15 @@ struct Ellipsoid {
     *this = {{c[0], c[1], c[2]}, {k[0], k[1], k[2]}, params.number("radius"), params.number("flattening")};
   }
 
-  /// Above the ellipsoid, along its normal [m]. The latitude by Bowring (1976), three times: to round-off from far below to far above.
+  /// Above the ellipsoid, along its normal [m].
   template <class T>
   T height(const Vec3<T>& place) const noexcept {
     using std::sqrt;
     const Vec3<T> d = place - Vec3<T>{T(centre[0]), T(centre[1]), T(centre[2])}, k{T(axis[0]), T(axis[1]), T(axis[2])};
-    const T square = dot(d, d);
-    if (flattening == 0.0) return sqrt(square) - T(radius);
-    const double polar = radius * (1.0 - flattening), e2 = flattening * (2.0 - flattening), e2_polar = e2 / (1.0 - e2);
+    if (flattening == 0.0) return sqrt(dot(d, d)) - T(radius);
     const T z = dot(d, k);
     const Vec3<T> out = d - z * k;
-    const T p = sqrt(dot(out, out));
-    // Cosine and sine of the reduced latitude, first that of Bowring's first guess.
-    T cosine = T(radius) * p, sine = T(polar) * z * (T(1.0) + T(e2_polar * polar) / sqrt(square)), north(0.0), east(1.0);
-    for (int i = 0; i < 3; ++i) {
-      const T size = T(1.0) / sqrt(cosine * cosine + sine * sine);
-      cosine = size * cosine, sine = size * sine;
-      const T up = z + T(e2_polar * polar) * sine * sine * sine, over = p - T(e2 * radius) * cosine * cosine * cosine;
-      const T whole = T(1.0) / sqrt(up * up + over * over);
-      north = whole * up, east = whole * over;
-      cosine = east, sine = T(1.0 - flattening) * north;
-    }
-    const T size = T(1.0) / sqrt(cosine * cosine + sine * sine);
-    return (p - T(radius) * size * cosine) * east + (z - T(polar) * size * sine) * north;
+    return Geodetic<T>::of(sqrt(dot(out, out)), z, radius, flattening).height;
   }
 };
 

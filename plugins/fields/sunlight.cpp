@@ -18,9 +18,8 @@ struct Sunlight {
   static constexpr double distance = 7e6;                               // [m] of the laws
   static constexpr double kAu = 149597870700.0, kSunRadius = 695700e3;  // [m] (IAU 2012, 2015)
   struct Packed {
-    double irradiance, to_sun[3], radius, disc, centre[3];
-    std::int64_t moves;  // 1: `sun` tells where it is
-    CelestialPlace sun;
+    double irradiance, radius, disc, centre[3];
+    SunPlace sun;
   };
   struct Prepared {
     double sun[3], disc;  // [m], [rad], of one that moves
@@ -29,8 +28,8 @@ struct Sunlight {
   static constexpr cardan_param_desc schema[] = {
       param::in_range(param::optional("irradiance", CARDAN_NUMBER, "W/m^2", "in full light, 1 au from the Sun with `epoch`", 1361.0), 0.0,
                       kAny),
-      param::optional("direction", CARDAN_UNIT_VECTOR, "1", "to a Sun that does not move, world axes"),
-      param::optional("epoch", CARDAN_TEXT, "1", "in its place: date of t = 0, 2026-11-26T12:00:00 UTC (or UT1, TT, TAI)"),
+      SunPlace::direction_desc,
+      SunPlace::epoch_desc,
       CelestialPlace::origin_desc,
       param::in_range(param::optional("radius", CARDAN_NUMBER, "m", "of the sphere; the default is Earth's, 0: no shadow", 6378.137e3), 0.0,
                       kAny),
@@ -38,17 +37,9 @@ struct Sunlight {
       param::optional("centre", CARDAN_VECTOR, "m", "of the sphere, world axes")};
 
   static bool pack(const Params& params, Packed& p) {
-    const Eigen::Vector3d s = params.vector("direction"), c = params.vector("centre");
-    p = {params.number("irradiance"), {s[0], s[1], s[2]}, params.number("radius"), params.number("disc"), {c[0], c[1], c[2]}, 0, {}};
-    const char* text = params.text("epoch");
-    if (!text) return s.norm() > 0.0 || params.fail("epoch", "the date of t = 0, or the `direction` to a Sun that does not move", "none");
-    if (s.norm() > 0.0) return params.fail("direction", "none: the Sun is where the ephemerides have it at `epoch`");
-    const auto epoch = Epoch::of(text, 0.0);
-    if (!epoch) return params.fail("epoch", TurningPlanet::kDateExpected);
-    const int origin = params.choice("origin");
-    if (origin == static_cast<int>(Celestial::sun)) return params.fail("origin", "another than the Sun, which lights it");
-    p.moves = 1, p.sun = {static_cast<int>(Celestial::sun), origin, epoch->tt};
-    return true;
+    const Eigen::Vector3d c = params.vector("centre");
+    p = {params.number("irradiance"), params.number("radius"), params.number("disc"), {c[0], c[1], c[2]}, {}};
+    return p.sun.pack(params);
   }
 
   // Rounding may carry a cosine beyond 1, in the middle of the shadow for one.
@@ -72,8 +63,8 @@ struct Sunlight {
 
   static int prepare(const Packed& p, double t, Prepared& out) {
     out = {};
-    if (p.moves == 0) return 0;
-    const Vec3<double> d = p.sun.at(t);
+    if (p.sun.moves == 0) return 0;
+    const Vec3<double> d = p.sun.place.at(t);
     out = {{d.x, d.y, d.z}, std::asin(kSunRadius / std::sqrt(dot(d, d)))};
     return 0;
   }
@@ -81,10 +72,10 @@ struct Sunlight {
   template <class T>
   static void evaluate(const Packed& p, const FieldPoint<Sunlight, T>& at, T* light) noexcept {
     using std::sqrt;
-    Vec3<T> s{T(p.to_sun[0]), T(p.to_sun[1]), T(p.to_sun[2])};
+    Vec3<T> s{T(p.sun.direction[0]), T(p.sun.direction[1]), T(p.sun.direction[2])};
     T irradiance(p.irradiance);
     double disc = p.disc;
-    if (p.moves != 0) {
+    if (p.sun.moves != 0) {
       const Prepared& now = *at.prepared;
       s = Vec3<T>{T(now.sun[0]), T(now.sun[1]), T(now.sun[2])} - at.x;
       const T square = dot(s, s);

@@ -226,6 +226,23 @@ TEST(Sunlight, ComesFromTheSunOfItsDate) {
             1.0 - 1e-8);
 }
 
+/// The bulge follows the Sun of the date as it does one that stands there.
+TEST(HarrisPriester, HasItsBulgeBehindTheSunOfItsDate) {
+  const std::string date = "2026-04-03T17:00:00 UTC";
+  const double t = 40.0 * 86400.0;
+  const Vector3d sun =
+      vector_of(celestial_position(Celestial::sun, Celestial::earth, Epoch::of(date.c_str(), 0.0)->tt.after(t))).normalized();
+  const AskedField moving("harris_priester", {{"exponent", {2.0}}}, {{"epoch", date}});
+  const AskedField still("harris_priester", {{"exponent", {2.0}}, {"direction", {sun.x(), sun.y(), sun.z()}}});
+  for (const Vector3d& x : {Vector3d(6.9e6, 1e5, 2e5), Vector3d(-3e6, 5e6, 4e6)})
+    EXPECT_NEAR(moving.at(x, t).value[0] / still.at(x, 7.0).value[0], 1.0, 1e-11);
+}
+
+TEST(Ellipsoid, HasAHeightAtItsCentre) {
+  const AskedField table("tabulated_atmosphere", {{"table", {0.0, 1.0, 1e5, 1e-6}}, {"flattening", {0.003}}});
+  EXPECT_TRUE(std::isfinite(table.at(Vector3d::Zero()).value[0]));
+}
+
 TEST(CelestialBody, IsWhereTheEphemeridesHaveIt) {
   const std::string date = "2026-01-03T17:00:00 TT";
   const AskedField moon("celestial_body", {{"body", {1.0}}, {"origin", {0.0}}}, {{"epoch", date}});

@@ -57,6 +57,21 @@ TEST(Nrlmsise00Field, AsksForTheLatitudeLongitudeDateAndTime) {
   EXPECT_NEAR(in_2027.value[0] / of_model(new_year, 400e3, 0.9, 0.4), 1.0, 1e-10);
 }
 
+// Printed to four digits; anomalous oxygen is 2 % of the density at 1000 km.
+TEST(Nrlmsise00Field, HasTheProfileOfAnotherProgram) {
+  const AskedField f("nrlmsise00", {{"f107", {121.0}}, {"f107_average", {80.0}}, {"ap", {7.0}}}, {{"epoch", "1986-06-19T21:30:00"}});
+  const double ahead = earth_rotation_angle(*read_date("1986-06-19T21:30:00 UT1", TimeScale::ut1, 0.0));
+  const auto rows = rows_of("atmosphere/nrlmsise00_profile_1986.csv");
+  EXPECT_EQ(rows.size(), 11u);
+  for (const auto& row : rows) {
+    const double height = std::min(std::max(1e3 * row[0], 1e-3), 1000e3 - 1e-3);
+    const double wanted = 1e3 * (row[1] + 16.0 * 1.66e-24 * row[2]);
+    const auto got = f.at(place(height, -16.0 * kPi / 180.0, 312.0 * kPi / 180.0, ahead));
+    EXPECT_EQ(got.beyond, 0);
+    EXPECT_NEAR(got.value[0] / wanted, 1.0, 6e-4) << row[0];
+  }
+}
+
 TEST(Nrlmsise00Field, StandsAndTurnsAsItsPlanet) {
   const Vector3d axis = Vector3d(0.2, -0.5, 0.8).normalized(), meridian = Vector3d(0.3, 1.0, 0.4).normalized(), centre(1e5, 2e5, -3e5);
   Numbers given = kUsual;
@@ -83,11 +98,13 @@ TEST(Nrlmsise00Field, GivesItsGradient) {
   Numbers storm = kUsual;
   storm["activity"] = {1.0}, storm["ap"] = {90.0};
   double worst = 0.0, sideways = 0.0;
-  for (const Numbers& given : {kUsual, storm}) {
+  const Numbers cases[] = {kUsual, storm};
+  for (const Numbers& given : cases) {
     const AskedField f("nrlmsise00", given, epoch);
     for (const double height : {5e3, 25e3, 47e3, 66e3, 80e3, 97e3, 112e3, 140e3, 220e3, 420e3, 800e3})
-      for (const double latitude : {-1.4, -0.3, 0.7}) {
-        const Vector3d x = place(height, latitude, 1.9, 0.0);
+      for (const double latitude : {-1.4, -0.3, 0.7, kPi / 2}) {
+        if (latitude > 1.5 && &given == &cases[1]) continue;  // activity fades by the distance from the pole: a corner there
+        const Vector3d x = latitude > 1.5 ? Vector3d(0, 0, (1.0 - kFlattening) * kRadius + height) : place(height, latitude, 1.9, 0.0);
         const auto here = f.at(x, 1000.0);
         const Vector3d slope = here.gradient.row(0);
         constexpr double kStep = 100.0;
@@ -164,6 +181,28 @@ TEST(Nrlmsise00Field, KnowsTheGroundAndAThousandKilometres) {
   EXPECT_TRUE(centre.value.allFinite());
 }
 
+// With a quiet Sun on a day amid an active rotation, and a storm, 1/T of the model passes zero above the pole.
+TEST(Nrlmsise00Field, TellsWhereItsModelFails) {
+  const AskedField f("nrlmsise00", {{"day", {187.955}}, {"f107", {60.0}}, {"f107_average", {300.0}}, {"ap", {300.0}}});
+  int told = 0;
+  for (double height = 105e3; height < 125e3; height += 50.0) {
+    const auto there = f.at(place(height, kPi / 2, 0.0, 0.0));
+    told += there.beyond == 16;
+    if (there.beyond == 0) {
+      EXPECT_TRUE(std::isfinite(there.value[0]) && there.value[0] > 0.0) << height;
+    }
+  }
+  EXPECT_GE(told, 10);
+  EXPECT_LE(told, 390);
+  // A flare while F10.7 was measured counts from the next midnight on.
+  std::string flare = storm_of_2003();
+  flare.replace(flare.find("291.7"), 5, "707.6");
+  const AskedField g("nrlmsise00", {}, {{"epoch", "2003-10-29T12:00:00"}}, {{"weather", flare}});
+  const Vector3d x = place(420e3, 0.3, 0.0, 0.0);
+  EXPECT_EQ(g.at(x, 43199.0).beyond, 0);
+  EXPECT_EQ(g.at(x, 43201.0).beyond, 16);
+}
+
 TEST(Nrlmsise00Field, RefusesWhatDoesNotFit) {
   const Texts epoch{{"epoch", "2003-10-29T14:00:00"}};
   const auto told = [](const Numbers& numbers, const Texts& texts, const Texts& files = {}) {
@@ -184,6 +223,7 @@ TEST(Nrlmsise00Field, RefusesWhatDoesNotFit) {
   EXPECT_EQ(told({}, epoch),
             "the flux F10.7 of the Sun, some 70 where it is quiet, 150 on the mean, 250 where it is active / neither it nor `weather`");
   EXPECT_EQ(told(kUsual, epoch, file), "no constants beside `weather` / ");
+  EXPECT_EQ(told({{"ap", {15.0}}}, epoch, file), "no constants beside `weather` / ");
   EXPECT_EQ(told({{"day", {3.5}}}, {}, file), "the date of t = 0: `weather` has dates / no such key");
   EXPECT_EQ(told({}, epoch, changed(all, "f107_obs_c81", "mean")),
             "a CSV file whose first line names the columns year, month, day, ap1 to ap8, ap_avg, f107_obs, f107_obs_c81 / no column "

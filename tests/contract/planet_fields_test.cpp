@@ -279,6 +279,8 @@ TEST(HarrisPriester, BulgesBehindTheSun) {
   EXPECT_EQ(at(sun, 99e3).beyond, 1);
   EXPECT_EQ(at(sun, 1001e3).beyond, 2);
   EXPECT_NEAR(at(bulge, 1100e3).value[0] / 1.81e-14, 1.0, 1e-12);
+  EXPECT_EQ(f.at(centre).beyond, 1);
+  EXPECT_NEAR(f.at(centre).value[0] / 4.974e-7, 1.0, 1e-12);
   const Vector3d u = Vector3d(0.1, 0.7, -0.3).normalized();
   const auto here = at(u, 507e3);
   for (int j = 0; j < 3; ++j) {
