@@ -4,6 +4,8 @@
 // how the same is solved (error of v' against the dense twin in 113 bits where devices act). --fields: what fields cost at a point.
 #include <fmt/format.h>
 
+#include <fstream>
+
 #include "bench/bench_model.hpp"
 #include "bench/command_line.hpp"
 #include "bench/time_ring.hpp"
@@ -164,6 +166,11 @@ int fields(double seconds) {
       if ((d.flags & CARDAN_REQUIRED) != 0) values.numbers[d.name] = {1e-3};
       if (d.name == std::string_view("epoch")) values.texts["epoch"] = "2026-11-26T12:00:00 UTC";
       if (d.name == std::string_view("body")) values.numbers["body"] = {1.0};  // the Moon
+    }
+    if (f.type == std::string_view("polyhedron")) {  // Eros, as large as a planet
+      std::ifstream file(CARDAN_SOURCE_DIR "/tests/reference/data/gravity/eros_shape_856.txt");
+      values.bytes["shape"].assign(std::istreambuf_iterator<char>(file), {});
+      values.texts["shape"] = "eros_shape_856.txt", values.numbers["unit"] = {1e5};
     }
     if (of_iau) values.numbers["orientation"] = {1.0}, values.numbers["rate"] = {7.292115e-5};
     if (f.type != std::string_view("third_body")) values.numbers["mu"] = {4e14};
