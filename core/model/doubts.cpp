@@ -22,10 +22,24 @@ class Doubts {
       if (const BodySpec* inboard = spec_.find(body.hinge.inboard_body))
         place(*inboard, body.hinge.inboard_node, body.hinge.onode_position, body, ".hinge.to");
     }
+    dates();
     return std::move(found_);
   }
 
  private:
+  /// t = 0 is one instant, in whatever field.
+  void dates() {
+    const FieldSpec* first = nullptr;
+    for (const FieldSpec& field : spec_.fields) {
+      const auto epoch = field.params.find("epoch");
+      const std::string* date = epoch == field.params.end() ? nullptr : std::get_if<std::string>(&epoch->second.value);
+      if (!date) continue;
+      if (!first) first = &field;
+      if (const std::string& begun = std::get<std::string>(first->params.find("epoch")->second.value); *date != begun)
+        found_.add(Code::unusual_value, spec_.locate(fmt::format("fields.{}.epoch", field.name)),
+                   fmt::format("t = 0 is {} here and {} for {}", *date, begun, first->name), "one date of t = 0, in the same words");
+    }
+  }
   void springs(const BodySpec& body) {
     const HingeSpec& hinge = body.hinge;
     if (hinge.locked && std::any_of(hinge.v.begin(), hinge.v.end(), [](double v) { return v != 0.0; }))

@@ -175,6 +175,22 @@ TEST_F(Physics, UnusualValuesAreToldWithTheirConsequence) {
   EXPECT_EQ(codes(), "W0302 ");
 }
 
+TEST_F(Physics, FieldsThatBeginOnDifferentDatesAreToldSo) {
+  const auto dated = [&](const std::string& moon, const std::string& light) {
+    write(
+        "cardan: 1\ngravity: {field: [earth, moon]}\nbodies: {a: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world, initial: "
+        "{position: [7000 km, 0 m, 0 m]}}}}\n"
+        "fields:\n  earth: {type: point_mass, mu: 398600 km^3/s^2}\n  moon: {type: third_body, body: moon, epoch: " +
+        moon + "}\n  light: {type: sunlight, epoch: " + light + "}\n");
+  };
+  dated("2026-11-26T12:00:00 UTC", "2026-11-26T12:00:00 UTC");
+  EXPECT_EQ(codes(), "");
+  dated("2026-11-26T12:00:00 UTC", "2026-11-27T12:00:00 UTC");
+  EXPECT_EQ(codes(), "W0302 ");
+  EXPECT_TRUE(has(check().err, "at: fields.light.epoch") &&
+              has(check().err, "t = 0 is 2026-11-27T12:00:00 UTC here and 2026-11-26T12:00:00 UTC for moon"));
+}
+
 TEST_F(Physics, AllOfTheEffectiveMassIsMoreThanSixtyModesHave) {
   write(replaced(boom("cantilever", 4, "{type: locked, to: hub.mount}"), "count: 4", "effective_mass: 100 %"));
   const json w = describe()["warnings"];
