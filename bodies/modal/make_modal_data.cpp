@@ -64,7 +64,7 @@ std::vector<std::pair<NamedPoint, int>> find_points(const FeModel& model, const 
   std::vector<std::pair<NamedPoint, int>> found;
   std::set<std::string> names;
   std::vector<NamedPoint> points = source.points;
-  points.insert(points.begin(), {"root", Eigen::Vector3d::Zero(), false});
+  points.insert(points.begin(), {.name = "root"});
   for (std::size_t i = 0; i < points.size(); ++i) {
     const std::string field = i == 0 ? "points" : fmt::format("points[{}]", i - 1);
     const NamedPoint& p = points[i];
@@ -282,6 +282,7 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
     ModalNode n;
     n.name = point.name;
     n.position = point.name == "root" ? point.position : model.nodes[node];
+    n.R_BN = point.R_BN;
     n.Phi = shapes.middleRows(6 * node, 3);
     n.Psi = shapes.middleRows(6 * node + 3, 3);
     data.nodes.push_back(std::move(n));

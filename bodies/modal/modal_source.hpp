@@ -108,6 +108,7 @@ struct NamedPoint {
   std::string name;
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // [m]
   bool interface = false;                              // Boundary::craig_bampton: an outboard hinge attaches here
+  Eigen::Matrix3d R_BN = Eigen::Matrix3d::Identity();  // node axes to body axes, undeformed
 };
 
 enum class Boundary {

@@ -85,8 +85,8 @@ class Content {
     all(count, max_frequency, effective_mass);
   }
   void add(const NamedPoint& x) {
-    const auto& [name, position, interface] = x;
-    all(name, position, interface);
+    const auto& [name, position, interface, R_BN] = x;
+    all(name, position, interface, R_BN);
   }
   void add(const PointMass& x) {
     const auto& [mass, position, inertia] = x;

@@ -261,6 +261,7 @@ class ModalReader {
         const std::string& name = nodes->node->keys[i].name;
         MapReader reader(nodes->item(i), context_);
         source.points.push_back({name, reader.vector("position", "m"), reader.flag("interface", false)});
+        if (const auto orientation = reader.find("orientation")) source.points.back().R_BN = read_orientation(*orientation, context_);
         reader.finish();
       }
     }

@@ -3,6 +3,7 @@
 // some state, its explicit partner for the rest of f. What they know of the past is the length of the next step, which a
 // restart keeps.
 #include <arkode/arkode_arkstep.h>
+#include <cmath>
 
 #include "core/time/stage_quadrature.hpp"
 #include "core/time/sundials.hpp"
@@ -11,6 +12,7 @@ namespace cardan {
 namespace {
 
 constexpr auto kExplicit = ARKODE_VERNER_8_5_6;
+constexpr double kNewtonLeaves = 1e-2;  // of the tolerance, at a stage
 constexpr auto kImplicit = ARKODE_ARK548L2SAb_DIRK_8_4_5;
 constexpr auto kRest = ARKODE_ARK548L2SAb_ERK_8_4_5;  // beside it
 
@@ -41,7 +43,7 @@ struct Arkode {
     // The rate at a stage from its equation: f would multiply what Newton's iteration leaves by the stiffness.
     if (implicit) sundials::check(ARKStepSetDeduceImplicitRhs(m, SUNTRUE), "ARKStepSetDeduceImplicitRhs");
     // Of the tolerance: weights of 2, divided by a diagonal of 0.2, make more of it.
-    if (implicit) sundials::check(ARKStepSetNonlinConvCoef(m, 1e-2), "ARKStepSetNonlinConvCoef");
+    if (implicit) sundials::check(ARKStepSetNonlinConvCoef(m, kNewtonLeaves), "ARKStepSetNonlinConvCoef");
     if (solution(method).split) sundials::check(ARKStepSetLinear(m, 0), "ARKStepSetLinear");
     sundials::check(ARKStepSetMaxErrTestFails(m, 40), "ARKStepSetMaxErrTestFails");  // the step kept over a restart may be far too long
     sundials::check(ARKStepSetMaxConvFails(m, 30), "ARKStepSetMaxConvFails");        // up to a state that cannot be evaluated, by quarters
@@ -61,6 +63,21 @@ struct Arkode {
   static int step(void* m, double t_stop, N_Vector x, double* t) { return ARKStepEvolve(m, t_stop, x, t, ARK_ONE_STEP); }
   static int error_failures(void* m, long* n) { return ARKStepGetNumErrTestFails(m, n); }
   static int last_order(void*, const std::string& method) { return current_order(nullptr, method); }
+  /// Of the tolerance, in a step: what Newton's iteration leaves of its stages is no part of the estimated error. It is in the rates that
+  /// are taken from the stages' equations, over the diagonal. A linear f_I leaves nothing.
+  static double left_by_newton(const std::string& method) {
+    return solution(method).newton && !solution(method).split ? kNewtonLeaves * weights_over_diagonal() : 0.0;
+  }
+  static double weights_over_diagonal() {
+    static const double sum = [] {
+      const std::unique_ptr<ARKodeButcherTableMem, sundials::Freed<ARKodeButcherTable_Free>> table(ARKodeButcherTable_LoadDIRK(kImplicit));
+      double over = 0.0;
+      for (int i = 0; table && i < table->stages; ++i)
+        if (table->A[i][i] != 0.0) over += std::abs(table->b[i]) / table->A[i][i];
+      return over;
+    }();
+    return sum;
+  }
   static int current_order(void*, const std::string& method) { return solution(method).newton ? 5 : 6; }
   static void free(void* m) { ARKStepFree(&m); }
   static constexpr auto set_error_handler = ARKStepSetErrHandlerFn;

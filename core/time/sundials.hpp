@@ -477,7 +477,10 @@ class Sundials final : public Integrator {
     if constexpr (!Api::multistep) evaluate_the_end();
     since_linear_ = rejected_in_step_ || failed > 0 ? -1 : since_linear_ + 1;
     if (problem_.n_quadrature > 0) {
-      if constexpr (Api::multistep) add_node(t_internal_, x_.data());
+      if constexpr (Api::multistep)
+        add_node(t_internal_, x_.data());
+      else
+        error_sum_ += Api::left_by_newton(name_);
       if (steps_ % kSampled == 0) {
         if (Api::multistep) Api::local_errors(memory_.get(), errors_vector_.get());
         Api::weights(memory_.get(), weights_vector_.get());  // those of the next step

@@ -400,6 +400,18 @@ TEST(Program, WhatFrictionHoldsAltogetherHasNoModes) {
   EXPECT_EQ(done.exit_code, 0) << done.err << done.out;
 }
 
+/// What Newton's iteration leaves in a step, with an estimated error far below, is no fault of the balances.
+TEST(Program, SmoothMotionByAnImplicitMethodKeepsItsBalances) {
+  for (const char* relative : {"1e-8", "1e-10", "1e-12"}) {
+    const TemporaryFolder out;
+    const Finished run =
+        run_program({"run", kScripts + "/../../scenarios/tutorials/06_wheel_spin_up", "--out", out.path(), "--until", "0.15", "--quiet",
+                     "--set", "mission.integrator.method=ark_implicit", "--set", fmt::format("mission.integrator.relative={}", relative)},
+                    out.path());
+    EXPECT_FALSE(has(run.err, "W0402")) << relative << run.err;
+  }
+}
+
 TEST(Program, AFullDiskIsAFailureOfTheRun) {
   const TemporaryFolder dir;
   const Finished run =
