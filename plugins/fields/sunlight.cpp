@@ -15,8 +15,9 @@ struct Sunlight {
   static constexpr const char* summary = "sunlight, with the umbra and penumbra of a sphere";
   static constexpr std::uint32_t quantity = CARDAN_LIGHT;
   static constexpr unsigned facts = 0;
-  static constexpr double distance = 7e6;                               // [m] of the laws
-  static constexpr double kAu = 149597870700.0, kSunRadius = 695700e3;  // [m] (IAU 2012, 2015)
+  static constexpr double distance = 7e6;                                // [m] of the laws
+  static constexpr double kAu = 149597870700.0, kSunRadius = 695700e3;   // [m] (IAU 2012, 2015)
+  static constexpr double kEarthRadius = 6378.137e3, kDisc = 4.6524e-3;  // defaults [m], [rad]
   struct Packed {
     double irradiance, to_sun[3], radius, disc, centre[3];
     std::int64_t moves;  // 1: `sun` tells where it is
@@ -32,9 +33,9 @@ struct Sunlight {
       param::optional("direction", CARDAN_UNIT_VECTOR, "1", "to a Sun that does not move, world axes"),
       param::optional("epoch", CARDAN_TEXT, "1", "in its place: date of t = 0, 2026-11-26T12:00:00 UTC (or UT1, TT, TAI)"),
       CelestialPlace::origin_desc,
-      param::in_range(param::optional("radius", CARDAN_NUMBER, "m", "of the sphere; the default is Earth's, 0: no shadow", 6378.137e3), 0.0,
-                      kAny),
-      param::in_range(param::optional("disc", CARDAN_NUMBER, "rad", "apparent radius of a Sun that does not move", 4.6524e-3), 1e-6, 0.5),
+      param::in_range(param::optional("radius", CARDAN_NUMBER, "m", "of the sphere; the default is Earth's, 0: no shadow", kEarthRadius),
+                      0.0, kAny),
+      param::in_range(param::optional("disc", CARDAN_NUMBER, "rad", "apparent radius of a Sun that does not move", kDisc), 1e-6, 0.5),
       param::optional("centre", CARDAN_VECTOR, "m", "of the sphere, world axes")};
 
   static bool pack(const Params& params, Packed& p) {
@@ -47,6 +48,10 @@ struct Sunlight {
     if (!epoch) return params.fail("epoch", TurningPlanet::kDateExpected);
     const int origin = params.choice("origin");
     if (origin == static_cast<int>(Celestial::sun)) return params.fail("origin", "another than the Sun, which lights it");
+    if (params.number("disc") != kDisc) return params.fail("disc", "none: that of the Sun goes by its distance, from `epoch` on");
+    const bool of_earth = p.radius == kEarthRadius && c.isZero(0.0);
+    if (origin != static_cast<int>(Celestial::earth) && of_earth)
+      return params.fail("radius", "that of the body at the origin, 1737.4 km of the Moon; 0: no shadow", "6378.137 km, that of Earth");
     p.moves = 1, p.sun = {static_cast<int>(Celestial::sun), origin, epoch->tt};
     return true;
   }
