@@ -93,7 +93,7 @@ std::optional<Days> read_date(const char* text, TimeScale to, double dut1) {
 
 std::optional<double> leap_seconds(int year, int month, int day) {
   double out = 0.0;
-  if (eraDat(year, month, day, 0.0, &out) < 0) return {};
+  if (year < 1960 || eraDat(year, month, day, 0.0, &out) < 0) return {};
   return out;
 }
 

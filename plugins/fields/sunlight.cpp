@@ -24,7 +24,7 @@ struct Sunlight {
     CelestialPlace sun;
   };
   struct Prepared {
-    double sun[3], disc;  // [m], [rad], of one that moves
+    double sun[3];  // [m], of one that moves
   };
   static constexpr double kAny = std::numeric_limits<double>::infinity();
   static constexpr cardan_param_desc schema[] = {
@@ -64,22 +64,22 @@ struct Sunlight {
 
   /// The part of the disc of the Sun, of apparent radius a, that a disc of radius b leaves at an angle c.
   template <class T>
-  static T part_seen(double a, const T& b, const T& c) noexcept {
+  static T part_seen(const T& a, const T& b, const T& c) noexcept {
     using std::sqrt;
-    if (!(c < T(a) + b)) return T(1.0);
-    if (c < b - T(a)) return T(0.0);
-    if (c < T(a) - b) return T(1.0) - b * b / T(a * a);
-    const T x = (c * c + T(a * a) - b * b) / (T(2.0) * c), square = T(a * a) - x * x;
+    if (!(c < a + b)) return T(1.0);
+    if (c < b - a) return T(0.0);
+    if (c < a - b) return T(1.0) - b * b / (a * a);
+    const T x = (c * c + a * a - b * b) / (T(2.0) * c), square = a * a - x * x;
     const T y = square > T(0.0) ? sqrt(square) : T(0.0);  // where the discs touch rounding decides
-    const T hidden = T(a * a) * arc_cosine(x / T(a)) + b * b * arc_cosine((c - x) / b) - c * y;
-    return T(1.0) - hidden / T(std::numbers::pi * a * a);
+    const T hidden = a * a * arc_cosine(x / a) + b * b * arc_cosine((c - x) / b) - c * y;
+    return T(1.0) - hidden / (T(std::numbers::pi) * a * a);
   }
 
   static int prepare(const Packed& p, double t, Prepared& out) {
     out = {};
     if (p.moves == 0) return 0;
     const Vec3<double> d = p.sun.at(t);
-    out = {{d.x, d.y, d.z}, std::asin(kSunRadius / std::sqrt(dot(d, d)))};
+    out = {{d.x, d.y, d.z}};
     return 0;
   }
 
@@ -87,13 +87,13 @@ struct Sunlight {
   static void evaluate(const Packed& p, const FieldPoint<Sunlight, T>& at, T* light) noexcept {
     using std::sqrt;
     Vec3<T> s{T(p.to_sun[0]), T(p.to_sun[1]), T(p.to_sun[2])};
-    T irradiance(p.irradiance);
-    double disc = p.disc;
+    const T half_pi(0.5 * std::numbers::pi);
+    T irradiance(p.irradiance), disc(p.disc);
     if (p.moves != 0) {
       const Prepared& now = *at.prepared;
       s = Vec3<T>{T(now.sun[0]), T(now.sun[1]), T(now.sun[2])} - at.x;
-      const T square = dot(s, s);
-      s = T(1.0) / sqrt(square) * s, irradiance = T(p.irradiance * kAu * kAu) / square, disc = now.disc;
+      const T square = dot(s, s), near = T(1.0) / sqrt(square);
+      s = near * s, irradiance = T(p.irradiance * kAu * kAu) / square, disc = half_pi - arc_cosine(T(kSunRadius) * near);
     }
     const Vec3<T> d = at.x - Vec3<T>{T(p.centre[0]), T(p.centre[1]), T(p.centre[2])};
     const T r = sqrt(dot(d, d));
@@ -101,7 +101,7 @@ struct Sunlight {
     if (p.radius > 0.0 && !(r > T(p.radius)))
       seen = T(0.0);  // inside of the sphere
     else if (p.radius > 0.0) {
-      const T sine = T(p.radius) / r, half_pi(0.5 * std::numbers::pi);
+      const T sine = T(p.radius) / r;
       seen = part_seen(disc, half_pi - arc_cosine(sine), arc_cosine(-dot(d, s) / r));
     }
     const Vec3<T> goes = -(irradiance * seen) * s;

@@ -248,6 +248,12 @@ TEST(Sunlight, ComesFromTheSunOfItsDate) {
   const Vector3d edge = -std::sqrt(7e6 * 7e6 - 6378.137e3 * 6378.137e3) * up + 6378.137e3 * across;  // seen from the Sun 4e-5 rad inside
   const double seen = light.at(edge).value.norm() / light.at(day).value.norm();
   EXPECT_NEAR(seen, 0.5, 0.01);
+  // The disc is the one seen from the place: far from the origin a sphere before its middle leaves a ring of it.
+  const Vector3d far = 1e10 * up, before = far + 4e8 * up;
+  const AskedField ring("sunlight", {{"irradiance", {1361.0}}, {"radius", {1e6}}, {"centre", {before.x(), before.y(), before.z()}}},
+                        {{"epoch", date}});
+  const double disc = std::asin(695700e3 / (sun - far).norm()), sphere = std::asin(1e6 / 4e8);
+  EXPECT_NEAR(ring.at(far).value.norm() / light.at(far).value.norm(), 1.0 - std::pow(sphere / disc, 2), 1e-12);
   EXPECT_GT(light.at(edge, 86400.0)
                 .value.head<3>()
                 .normalized()
