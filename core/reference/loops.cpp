@@ -201,18 +201,23 @@ LoopRows<T> rows_of(const DenseLoop<T>& loop, const Frame<T>& A, const Frame<T>&
   return on.rows();
 }
 
-constexpr double kSingular = 1e3;  // roundings: of a mass matrix whose reciprocal condition is below
+constexpr double kSingular = 1e3;  // roundings: of a mass matrix whose reciprocal condition is below, of a row beside the longest
 
 template <class T>
 ClosedMotion<T> closed_motion(const MatX<T>& M, const VecX<T>& force, const MatX<T>& G, const VecX<T>& gamma, double tolerance) {
   using std::sqrt;
   ClosedMotion<T> out{{}, VecX<T>::Zero(G.rows()), 0};
-  // Rows as unit vectors in the metric of diag M; the longest remainder is taken in turn (Gram-Schmidt, twice).
+  // Rows as unit vectors in the metric of diag M; the longest remainder is taken in turn (Gram-Schmidt, twice). What is a rounding long
+  // says nothing: of a planar loop on a body that stands askew, rows out of its plane.
   const VecX<T> weight = M.diagonal().unaryExpr([](const T& m) { return m > T(0) ? T(1) / sqrt(m) : T(1); });
   MatX<T> left = G * weight.asDiagonal();
   const VecX<T> lengths = left.rowwise().norm();
+  const T none = T(kSingular) * std::numeric_limits<T>::epsilon() * (lengths.size() > 0 ? lengths.maxCoeff() : T(0));
   for (Eigen::Index i = 0; i < left.rows(); ++i)
-    if (const T length = left.row(i).norm(); length > T(0)) left.row(i) /= length;
+    if (lengths[i] > none)
+      left.row(i) /= lengths[i];
+    else
+      left.row(i).setZero();
   std::vector<Eigen::Index> taken;
   for (Eigen::Index turn = 0; turn < std::min(left.rows(), left.cols()); ++turn) {
     Eigen::Index best = 0;

@@ -68,7 +68,7 @@ std::string description_text(const Json& d) {
     if (b["merged"].get<bool>()) note("merged with the body it is fixed to");
     if (!b["prescribed"].empty()) note("prescribed: " + listed(b["prescribed"]));
     if (b["factor"] != "cholesky") note("hinge in square-root form");
-    out += fmt::format("  {:<18}{:<16}{:<14} to {:<22}{:>2} dof  {}\n", b["name"].get<std::string>(), b["type"].get<std::string>(),
+    out += fmt::format("  {:<17} {:<15} {:<13}  to {:<22}{:>2} dof  {}\n", b["name"].get<std::string>(), b["type"].get<std::string>(),
                        b["hinge"].get<std::string>(), b["to"].get<std::string>(), b["velocities"].size(), notes);
   }
 
@@ -126,7 +126,7 @@ std::string description_text(const Json& d) {
     std::string limits;
     for (const Json& l : f["limits"])
       limits += fmt::format("{}{}: {}", limits.empty() ? "; beyond " : ", ", l["name"].get<std::string>(), l["outside"].get<std::string>());
-    out += fmt::format("  {:<18}{:<24}{}, read by {}{}\n", f["name"].get<std::string>(), f["type"].get<std::string>(),
+    out += fmt::format("  {:<17} {:<23} {}, read by {}{}\n", f["name"].get<std::string>(), f["type"].get<std::string>(),
                        f["quantity"].get<std::string>(), f["read_by"].empty() ? std::string("nobody") : listed(f["read_by"]), limits);
   }
   for (const Json& device : d.value("script_devices", Json::array()))
@@ -145,7 +145,7 @@ std::string description_text(const Json& d) {
     for (const Json& state : device["states"])
       about += fmt::format(", state {} (about {:.3g} {})", state["name"].get<std::string>(), state["nominal"].get<double>(),
                            state["unit"].get<std::string>());
-    out += fmt::format("  {:<18}{}{}\n", device["name"].get<std::string>(), device["type"].get<std::string>(), about);
+    out += fmt::format("  {:<17} {}{}\n", device["name"].get<std::string>(), device["type"].get<std::string>(), about);
   }
 
   const Json loops = d.value("loops", Json());
@@ -154,7 +154,7 @@ std::string description_text(const Json& d) {
                                                   : loops["form"] == "dae"      ? "multipliers of all bodies in absolute coordinates"
                                                                                 : "multipliers over the open tree");
     for (const Json& l : loops["all"])
-      out += fmt::format("  {:<18}{:<16}{}, {} rows on {} rates\n", l["name"].get<std::string>(), l["type"].get<std::string>(),
+      out += fmt::format("  {:<17} {:<15} {}, {} rows on {} rates\n", l["name"].get<std::string>(), l["type"].get<std::string>(),
                          l["between"].get<std::string>(), l["rows"].get<int>(), l["rates"].get<int>());
     out += fmt::format(
         "  {} of {} rows are independent at the initial state (smallest scaled pivot {:.2g}, singular value {:.2g}); mobility {}, {} by "
@@ -176,7 +176,7 @@ std::string description_text(const Json& d) {
   }
   if (!loops.is_null() && !loops["open"].empty()) {
     out += "\nloops that are open until the mission closes them\n";
-    for (const Json& l : loops["open"]) out += fmt::format("  {:<18}{}\n", l["name"].get<std::string>(), l["type"].get<std::string>());
+    for (const Json& l : loops["open"]) out += fmt::format("  {:<17} {}\n", l["name"].get<std::string>(), l["type"].get<std::string>());
   }
 
   out += fmt::format("\ngravity: {}\n\nprogram of sweeps, in order\n", d["gravity"].get<std::string>());

@@ -211,8 +211,9 @@ void Simulation::say_held_fields() {
     if (static_cast<int>(i) == gravity_field_)
       for (std::size_t k = 1; k < model_->bodies.size(); ++k) beyond |= gravity_beyond(static_cast<int>(k));
     if (beyond != 0)
-      warn(Code::field_held, model_->spec->locate(fmt::format("fields.{}.outside", field.name)), held_text(field, beyond),
-           "outside: refuse ends the run there");
+      warn(Code::field_held,
+           model_->spec->locate(i < model_->spec->fields.size() ? fmt::format("fields.{}.outside", field.name) : "gravity.field"),
+           held_text(field, beyond), "outside: refuse ends the run there");
   }
 }
 

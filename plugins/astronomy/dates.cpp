@@ -11,10 +11,10 @@
 namespace cardan {
 namespace {
 
-constexpr double kMjd = 2400000.5, kFirst = 2436934.5;  // [d]
+constexpr double kMjd = 2400000.5, kFirst = 2436934.5, kEnd = 2524958.5;  // [d]: from 1960 to 2200, the day after
 constexpr std::array<const char*, 4> kScales = {"UTC", "TAI", "TT", "UT1"};
 
-/// What is read before a scale: a calendar date or a Julian date.
+/// What is read before a scale: a calendar date or a Julian date. Whether there is such a date ERFA says.
 struct Read {
   int year = 0, month = 0, day = 0, hour = 0, minute = 0;
   double second = 0.0, jd = 0.0, fraction = 0.0;
@@ -25,9 +25,6 @@ std::optional<Read> calendar(const char* text, const char** rest) {
   Read r;
   int end = 0;
   if (std::sscanf(text, "%4d-%2d-%2dT%2d:%2d:%lf%n", &r.year, &r.month, &r.day, &r.hour, &r.minute, &r.second, &end) != 6) return {};
-  double jd = 0.0, day = 0.0;
-  if (r.year < 1900 || r.year > 2200 || eraCal2jd(r.year, r.month, r.day, &jd, &day) != 0) return {};
-  if (r.hour < 0 || r.hour > 23 || r.minute < 0 || r.minute > 59 || !(r.second >= 0.0) || !(r.second < 61.0)) return {};
   *rest = text + end;
   return r;
 }
@@ -40,8 +37,8 @@ std::optional<Read> julian(const char* text, const char** rest) {
   if (std::sscanf(text, modified ? "MJD %lf%n" : "JD %lf%n", &r.jd, &end) != 1) return {};
   *rest = text + end;
   if (int more = 0; std::sscanf(*rest, " + %lf%n", &r.fraction, &more) == 1) *rest += more;
-  if (modified) r.jd += kMjd;
-  if (!std::isfinite(r.jd) || !std::isfinite(r.fraction) || std::abs(r.jd + r.fraction - Days::kJ2000) > 2e5) return {};
+  const double whole = std::floor(r.jd);
+  r.fraction += r.jd - whole, r.jd = whole + (modified ? kMjd : 0.0);
   return r;
 }
 
@@ -72,7 +69,7 @@ std::optional<Days> read_date(const char* text, TimeScale to, double dut1) {
     const int status = eraDtf2d(name, read->year, read->month, read->day, read->hour, read->minute, read->second, &a, &b);
     if (status < 0 || status > 1) return {};  // 1: so far from the last leap second that some may be missing
   }
-  if (a + b < kFirst) return {};  // before 1960 there is no UTC
+  if (!(a + b >= kFirst && a + b < kEnd)) return {};  // before 1960 there is no UTC
   // To TAI and on; TAI to UT1 by way of UTC.
   const auto fits = [](int status) { return status >= 0; };
   double c = a, d = b;
@@ -96,7 +93,7 @@ std::optional<Days> read_date(const char* text, TimeScale to, double dut1) {
 
 std::optional<double> leap_seconds(int year, int month, int day) {
   double out = 0.0;
-  if (eraDat(year, month, day, 0.0, &out) < 0) return {};
+  if (year < 1960 || eraDat(year, month, day, 0.0, &out) < 0) return {};
   return out;
 }
 

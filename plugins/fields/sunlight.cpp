@@ -15,14 +15,15 @@ struct Sunlight {
   static constexpr const char* summary = "sunlight, with the umbra and penumbra of a sphere";
   static constexpr std::uint32_t quantity = CARDAN_LIGHT;
   static constexpr unsigned facts = 0;
-  static constexpr double distance = 7e6;                               // [m] of the laws
-  static constexpr double kAu = 149597870700.0, kSunRadius = 695700e3;  // [m] (IAU 2012, 2015)
+  static constexpr double distance = 7e6;                                // [m] of the laws
+  static constexpr double kAu = 149597870700.0, kSunRadius = 695700e3;   // [m] (IAU 2012, 2015)
+  static constexpr double kEarthRadius = 6378.137e3, kDisc = 4.6524e-3;  // defaults [m], [rad]
   struct Packed {
     double irradiance, radius, disc, centre[3];
     SunPlace sun;
   };
   struct Prepared {
-    double sun[3], disc;  // [m], [rad], of one that moves
+    double sun[3];  // [m], of one that moves
   };
   static constexpr double kAny = std::numeric_limits<double>::infinity();
   static constexpr cardan_param_desc schema[] = {
@@ -31,15 +32,21 @@ struct Sunlight {
       SunPlace::direction_desc,
       SunPlace::epoch_desc,
       CelestialPlace::origin_desc,
-      param::in_range(param::optional("radius", CARDAN_NUMBER, "m", "of the sphere; the default is Earth's, 0: no shadow", 6378.137e3), 0.0,
-                      kAny),
-      param::in_range(param::optional("disc", CARDAN_NUMBER, "rad", "apparent radius of a Sun that does not move", 4.6524e-3), 1e-6, 0.5),
+      param::in_range(param::optional("radius", CARDAN_NUMBER, "m", "of the sphere; the default is Earth's, 0: no shadow", kEarthRadius),
+                      0.0, kAny),
+      param::in_range(param::optional("disc", CARDAN_NUMBER, "rad", "apparent radius of a Sun that does not move", kDisc), 1e-6, 0.5),
       param::optional("centre", CARDAN_VECTOR, "m", "of the sphere, world axes")};
 
   static bool pack(const Params& params, Packed& p) {
     const Eigen::Vector3d c = params.vector("centre");
     p = {params.number("irradiance"), params.number("radius"), params.number("disc"), {c[0], c[1], c[2]}, {}};
-    return p.sun.pack(params);
+    if (!p.sun.pack(params)) return false;
+    if (p.sun.moves == 0) return true;
+    if (params.number("disc") != kDisc) return params.fail("disc", "none: that of the Sun goes by its distance, from `epoch` on");
+    const bool of_earth = p.radius == kEarthRadius && c.isZero(0.0);
+    if (params.choice("origin") != static_cast<int>(Celestial::earth) && of_earth)
+      return params.fail("radius", "that of the body at the origin, 1737.4 km of the Moon; 0: no shadow", "6378.137 km, that of Earth");
+    return true;
   }
 
   // Rounding may carry a cosine beyond 1, in the middle of the shadow for one.
@@ -50,22 +57,22 @@ struct Sunlight {
 
   /// The part of the disc of the Sun, of apparent radius a, that a disc of radius b leaves at an angle c.
   template <class T>
-  static T part_seen(double a, const T& b, const T& c) noexcept {
+  static T part_seen(const T& a, const T& b, const T& c) noexcept {
     using std::sqrt;
-    if (!(c < T(a) + b)) return T(1.0);
-    if (c < b - T(a)) return T(0.0);
-    if (c < T(a) - b) return T(1.0) - b * b / T(a * a);
-    const T x = (c * c + T(a * a) - b * b) / (T(2.0) * c), square = T(a * a) - x * x;
+    if (!(c < a + b)) return T(1.0);
+    if (c < b - a) return T(0.0);
+    if (c < a - b) return T(1.0) - b * b / (a * a);
+    const T x = (c * c + a * a - b * b) / (T(2.0) * c), square = a * a - x * x;
     const T y = square > T(0.0) ? sqrt(square) : T(0.0);  // where the discs touch rounding decides
-    const T hidden = T(a * a) * arc_cosine(x / T(a)) + b * b * arc_cosine((c - x) / b) - c * y;
-    return T(1.0) - hidden / T(std::numbers::pi * a * a);
+    const T hidden = a * a * arc_cosine(x / a) + b * b * arc_cosine((c - x) / b) - c * y;
+    return T(1.0) - hidden / (T(std::numbers::pi) * a * a);
   }
 
   static int prepare(const Packed& p, double t, Prepared& out) {
     out = {};
     if (p.sun.moves == 0) return 0;
     const Vec3<double> d = p.sun.place.at(t);
-    out = {{d.x, d.y, d.z}, std::asin(kSunRadius / std::sqrt(dot(d, d)))};
+    out = {{d.x, d.y, d.z}};
     return 0;
   }
 
@@ -73,13 +80,13 @@ struct Sunlight {
   static void evaluate(const Packed& p, const FieldPoint<Sunlight, T>& at, T* light) noexcept {
     using std::sqrt;
     Vec3<T> s{T(p.sun.direction[0]), T(p.sun.direction[1]), T(p.sun.direction[2])};
-    T irradiance(p.irradiance);
-    double disc = p.disc;
+    const T half_pi(0.5 * std::numbers::pi);
+    T irradiance(p.irradiance), disc(p.disc);
     if (p.sun.moves != 0) {
       const Prepared& now = *at.prepared;
       s = Vec3<T>{T(now.sun[0]), T(now.sun[1]), T(now.sun[2])} - at.x;
-      const T square = dot(s, s);
-      s = T(1.0) / sqrt(square) * s, irradiance = T(p.irradiance * kAu * kAu) / square, disc = now.disc;
+      const T square = dot(s, s), near = T(1.0) / sqrt(square);
+      s = near * s, irradiance = T(p.irradiance * kAu * kAu) / square, disc = half_pi - arc_cosine(T(kSunRadius) * near);
     }
     const Vec3<T> d = at.x - Vec3<T>{T(p.centre[0]), T(p.centre[1]), T(p.centre[2])};
     const T r = sqrt(dot(d, d));
@@ -87,7 +94,7 @@ struct Sunlight {
     if (p.radius > 0.0 && !(r > T(p.radius)))
       seen = T(0.0);  // inside of the sphere
     else if (p.radius > 0.0) {
-      const T sine = T(p.radius) / r, half_pi(0.5 * std::numbers::pi);
+      const T sine = T(p.radius) / r;
       seen = part_seen(disc, half_pi - arc_cosine(sine), arc_cosine(-dot(d, s) / r));
     }
     const Vec3<T> goes = -(irradiance * seen) * s;

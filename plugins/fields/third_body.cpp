@@ -35,13 +35,14 @@ struct ThirdBody {
   }
 
   // Both pulls nearly cancel. With q = x . (x - 2 d) / d^2, |x - d|^2 = d^2 (1 + q), their difference is never taken (Battin 1987, 8.4),
-  // nor that of the potentials, -mu (1/|x - d| - 1/d - x . d / d^3).
+  // nor that of the potentials, -mu (1/|x - d| - 1/d - x . d / d^3). s = |x - d| / d is not by q, which is near to -1 near the body.
   template <class T>
   static void evaluate(const Packed& p, const FieldPoint<ThirdBody, T>& at, T* out) noexcept {
     using std::sqrt;
     const Vec3<T> d{T(at.prepared->d[0]), T(at.prepared->d[1]), T(at.prepared->d[2])};
-    const T d2 = dot(d, d), far = sqrt(d2), w = dot(at.x, at.x) / d2, q = w - T(2.0) * dot(at.x, d) / d2, s = sqrt(T(1.0) + q);
-    const T s3 = (T(1.0) + q) * s, f = q * (T(3.0) + q * (T(3.0) + q)) / (T(1.0) + s3);  // f = s^3 - 1
+    const T d2 = dot(d, d), far = sqrt(d2), w = dot(at.x, at.x) / d2, q = w - T(2.0) * dot(at.x, d) / d2;
+    const Vec3<T> to = d - at.x;
+    const T s2 = dot(to, to) / d2, s = sqrt(s2), s3 = s2 * s, f = q * (T(3.0) + q * (T(3.0) + q)) / (T(1.0) + s3);  // f = s^3 - 1
     const T k = T(-p.mu) / (d2 * far * s3);
     const Vec3<T> a = k * (at.x + f * d);
     out[0] = a.x, out[1] = a.y, out[2] = a.z;

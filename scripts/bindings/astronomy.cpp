@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
+#include <numbers>
 #include <string>
 
 #include "core/base/units.hpp"
@@ -24,12 +26,17 @@ const char* text_at(lua_State* L, int index, const char* function, const char* e
     refuse(L, Code::lua_argument, function, expected, index > lua_gettop(L) ? "nothing" : describe_value(L, index));
   return lua_tostring(L, index);
 }
-/// The number at `index`, or `fallback` where nothing stands there.
-double number_at(lua_State* L, int index, const char* function, const char* expected, double fallback = std::nan("")) {
+constexpr double kAny = std::numeric_limits<double>::max();
+/// The number at `index`, of at most `most` either way, or `fallback` where nothing stands there.
+double number_at(lua_State* L, int index, const char* function, const char* expected, double most, double fallback = std::nan("")) {
   if (lua_isnoneornil(L, index) && !std::isnan(fallback)) return fallback;
-  if (lua_type(L, index) != LUA_TNUMBER || !std::isfinite(lua_tonumber(L, index)))
+  if (lua_type(L, index) != LUA_TNUMBER || !(std::abs(lua_tonumber(L, index)) <= most))
     refuse(L, Code::lua_argument, function, expected, index > lua_gettop(L) ? "nothing" : describe_value(L, index));
   return lua_tonumber(L, index);
+}
+
+double dut1_at(lua_State* L, int index, const char* function) {
+  return number_at(L, index, function, "UT1 - UTC, a number from -1 to 1 [s]", 1.0, 0.0);
 }
 
 /// (date, [t], [dut1]) from the argument `first` on: t seconds after the date.
@@ -37,8 +44,8 @@ Epoch epoch_at(lua_State* L, int first, const char* function) {
   constexpr const char* kDate =
       "a date from 1960 to 2200: \"2026-11-26T12:00:00 UTC\" (or UT1, TT, TAI), \"JD 2461371.0 UTC\", \"MJD 61370.5 TT\"";
   const char* text = text_at(L, first, function, kDate);
-  const double t = number_at(L, first + 1, function, "seconds after the date, a number", 0.0);
-  const double dut1 = number_at(L, first + 2, function, "UT1 - UTC, a number [s]", 0.0);
+  const double t = number_at(L, first + 1, function, "seconds after the date, a number of at most 1e10", 1e10, 0.0);
+  const double dut1 = dut1_at(L, first + 2, function);
   const auto epoch = Epoch::of(text, dut1);
   if (!epoch) refuse(L, Code::lua_argument, function, kDate, in_quotes(text));
   return {epoch->tt.after(t), epoch->ut1.after(t)};
@@ -69,13 +76,18 @@ constexpr const char* kScales[] = {"UTC", "TAI", "TT", "UT1"};
 int julian_date(lua_State* L) {
   const char* text = text_at(L, 1, "astro.julian_date", "a date, and the scale that it is told in");
   const auto to = lua_isnoneornil(L, 2) ? TimeScale::tt : static_cast<TimeScale>(choice_at(L, 2, "astro.julian_date", "a scale", kScales));
-  const auto days = read_date(text, to, number_at(L, 3, "astro.julian_date", "UT1 - UTC, a number [s]", 0.0));
+  const auto days = read_date(text, to, dut1_at(L, 3, "astro.julian_date"));
   if (!days) refuse(L, Code::lua_argument, "astro.julian_date", "a date from 1960 to 2200: \"2026-11-26T12:00:00 UTC\"", in_quotes(text));
   return results(L, std::array{Days::kJ2000 + days->whole, days->part});
 }
 
 int leap_seconds_of(lua_State* L) {
-  const auto number = [&](int i) { return static_cast<int>(number_at(L, i, "astro.leap_seconds", "year, month and day, numbers")); };
+  const auto number = [&](int i) {
+    constexpr const char* kWhole = "year, month and day, whole numbers";
+    const double x = number_at(L, i, "astro.leap_seconds", kWhole, 1e6);
+    if (x != std::floor(x)) refuse(L, Code::lua_argument, "astro.leap_seconds", kWhole, describe_value(L, i));
+    return static_cast<int>(x);
+  };
   const int year = number(1), month = number(2), day = number(3);
   const auto seconds = leap_seconds(year, month, day);
   if (!seconds)
@@ -105,8 +117,8 @@ int precession_nutation(lua_State* L) {
 }
 int axes(lua_State* L) {
   const Epoch e = epoch_at(L, 1, "astro.earth_axes");
-  const double x = number_at(L, 4, "astro.earth_axes", "polar motion x, a number [rad]", 0.0);
-  const double y = number_at(L, 5, "astro.earth_axes", "polar motion y, a number [rad]", 0.0);
+  const double x = number_at(L, 4, "astro.earth_axes", "polar motion x, a number from -1e-4 to 1e-4 [rad]", 1e-4, 0.0);
+  const double y = number_at(L, 5, "astro.earth_axes", "polar motion y, a number from -1e-4 to 1e-4 [rad]", 1e-4, 0.0);
   const auto columns = earth_axes(e.tt, e.ut1, x, y);
   push_matrix(L, Eigen::Map<const Eigen::Matrix3d>(columns.data()));
   return 1;
@@ -126,11 +138,14 @@ int gm(lua_State* L) {
 
 int to_geodetic(lua_State* L) {
   const Eigen::VectorXd x = to_vector(L, 1, 3, "the place");
+  if (!x.allFinite()) refuse(L, Code::lua_argument, "astro.geodetic", "a place [m], finite numbers", describe_value(L, 1));
   return results(L, geodetic({x[0], x[1], x[2]}));
 }
 int from_geodetic(lua_State* L) {
-  const auto number = [&](int i) { return number_at(L, i, "astro.from_geodetic", "longitude and latitude [rad] and height [m], numbers"); };
-  return numbers(L, place_of_geodetic(number(1), number(2), number(3)));
+  const auto number = [&](int i, double most) {
+    return number_at(L, i, "astro.from_geodetic", "longitude, latitude from -pi/2 to pi/2 [rad] and height [m], numbers", most);
+  };
+  return numbers(L, place_of_geodetic(number(1, kAny), number(2, 0.5 * std::numbers::pi), number(3, kAny)));
 }
 
 }  // namespace

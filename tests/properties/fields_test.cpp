@@ -341,6 +341,32 @@ TEST(FieldGravity, OfSeveralFieldsHasWhatItsPartsHave) {
   }
 }
 
+/// Where one of several holds, the warning stands where gravity names them: the sum has no key of its own.
+TEST(FieldGravity, OfSeveralFieldsTellsWhichOfThemHolds) {
+  static constexpr cardan_limit_desc kHolds[] = {{"near", 1, "nearer than 0.1 m"}};
+  static const cardan_field_family holding = [] {
+    cardan_field_family table = field_table<Runner<CARDAN_FIELD_POTENTIAL>>();
+    table.limits = kHolds;
+    return table;
+  }();
+  Registry all = registry();
+  all.fields.add(holding);
+  SystemSpec spec = system({on(rigid("stone", 2.0, {0, 0, 0}, diagonal({1e-6, 1e-6, 1e-6})), "", "free")});
+  spec.bodies[0].hinge.q = {1, 0, 0, 0, 3.0, 4.05, 0.0};
+  spec.fields = {field("fixed", "point_mass", {{"mu", 1e-6}}), field("attractor", "runner", {{"mu", 1e-6}, {"y", 4.0}})};
+  spec.fields[1].hold = true;
+  spec.gravity.kind = GravitySpec::Kind::field;
+  spec.gravity.fields = {"fixed", "attractor"};
+  Simulation sim(compile(spec, all), {});
+  sim.every({1, 100}, [&] { sim.observe(); });
+  sim.run(1.5);  // both are at x = 3
+  ASSERT_EQ(sim.warnings().all().size(), 1u);
+  const Diagnostic& told = sim.warnings().all()[0].what;
+  EXPECT_EQ(told.code, Code::field_held);
+  EXPECT_EQ(told.at.key_path, "gravity.field");
+  EXPECT_NE(told.about.find("(attractor: near)"), std::string::npos) << told.about;
+}
+
 /// A free particle in the field of the runner, by a formula: a = -mu d / d^3 at the time of the run.
 TEST(FieldGravity, IsThatOfTheTime) {
   SystemSpec spec = system({on(rigid("stone", 2.0, {0, 0, 0}, diagonal({1e-6, 1e-6, 1e-6})), "", "free")});

@@ -4,6 +4,7 @@
 #include <algorithm>
 
 #include "core/reference/dense_dynamics.hpp"
+#include "core/reference/loops.hpp"
 #include "core/reference/quad.hpp"
 #include "tests/support/oracle_reader.hpp"
 #include "tests/support/worse.hpp"
@@ -254,6 +255,19 @@ TEST(TwinRefuses, AMassMatrixThatIsNotPositiveDefinite) {
   Vec q(4);
   q << 1, 0, 0, 0;
   EXPECT_THROW(DenseTwin<double>(spec).at(q, Vec::Zero(3)).forward(Vec::Zero(3)), NumericsError);
+}
+
+/// A row of rounding size is none, whatever it demands; a short one is.
+TEST(ClosedMotion, KnowsRowsFromRoundings) {
+  const auto of_second_row = [](double length) {
+    Eigen::MatrixXd G = Eigen::MatrixXd::Zero(2, 3);
+    G(0, 0) = 1.0, G(1, 1) = length;
+    return closed_motion<double>(Eigen::MatrixXd::Identity(3, 3), Eigen::Vector3d(0, 0, 2), G, Eigen::Vector2d(1.0, 3.0 * length));
+  };
+  EXPECT_EQ(of_second_row(1e-17).rank, 1);
+  EXPECT_LE((of_second_row(1e-17).vdot - Eigen::Vector3d(1, 0, 2)).norm(), 1e-15);
+  EXPECT_EQ(of_second_row(1e-9).rank, 2);
+  EXPECT_LE((of_second_row(1e-9).vdot - Eigen::Vector3d(1, 3, 2)).norm(), 1e-14);
 }
 
 }  // namespace

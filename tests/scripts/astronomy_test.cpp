@@ -1,0 +1,71 @@
+// astro in scripts: ERFA's check values by way of texts, and what is refused.
+#include <gtest/gtest.h>
+
+#include "tests/scripts/run_program.hpp"
+
+namespace cardan {
+namespace {
+
+/// What `check` says of a scenario with `script` behind its vehicle.
+Finished checked(const TemporaryFolder& dir, const std::string& script) {
+  write(dir / "vehicle.yaml", "cardan: 1\nbodies:\n  bus: {mass: 10, inertia: [2, 2, 2], hinge: {type: free, to: world}}\n");
+  write(dir / "scenario.lua", "local sat = vehicle 'vehicle.yaml'\nmission { duration = 1 }\n" + script);
+  return run_program({"check", "."}, dir.path());
+}
+
+/// t_erfa_c.c: era00, nut06a, obl06, xys06a, gd2gc; leap seconds of the IERS; the poles of WGS 84.
+TEST(Astro, GivesCheckValuesOfErfa) {
+  const TemporaryFolder dir;
+  const Finished run = checked(dir, R"(
+local function near(x, wanted, tolerance) assert(math.abs(x - wanted) <= tolerance, x .. " is not " .. wanted) end
+near(astro.earth_rotation_angle("MJD 54388 UT1"), 0.4022837240028158, 1e-12)
+near(astro.earth_rotation_angle("MJD 54387.5 UT1", 43200), 0.4022837240028158, 1e-12)
+local psi, eps = astro.nutation "MJD 53736 TT"
+near(psi, -9.63091202582031e-06, 1e-13)
+near(eps, 4.06323849688725e-05, 1e-13)
+near(select(3, astro.nutation "MJD 54388 TT"), 0.4090749229387258, 1e-14)
+near(astro.intermediate_pole "MJD 53736 TT", 0.0005791308482835292, 1e-14)
+assert(astro.leap_seconds(2016, 12, 31) == 36 and astro.leap_seconds(2017, 1, 1) == 37)
+local there = astro.from_geodetic(3.1, -0.5, 2500)
+near(there[1], -5599000.5577049947, 1e-7)
+near(there[2], 233011.67223479203, 1e-7)
+near(there[3], -3040909.4706983363, 1e-7)
+local longitude, latitude, height = astro.geodetic(there)
+near(longitude, 3.1, 1e-14)
+near(latitude, -0.5, 1e-14)
+near(height, 2500, 1e-8)
+near(astro.from_geodetic(0, math.pi / 2, 0)[3], 6356752.314245, 1e-6)
+local day, part = astro.julian_date("2016-12-31T23:59:60 UTC", "TAI")
+near((day - 2457754.5) + part, 36 / 86400, 1e-12)
+local a, b = astro.position("moon", "2026-11-26T12:00:00 TT"), astro.position("earth", "2026-11-26T12:00:00 TT", 0, "moon")
+for i = 1, 3 do assert(a[i] == -b[i]) end
+)");
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
+TEST(Astro, RefusesWhatHasNoMeaning) {
+  struct {
+    const char *call, *expected;
+  } constexpr kRefused[] = {
+      {"astro.leap_seconds(1959, 12, 31)", "a day of UTC, which began in 1960"},
+      {"astro.leap_seconds(2017, 13, 1)", "a day of UTC, which began in 1960"},
+      {"astro.leap_seconds(2017.5, 1, 1)", "year, month and day, whole numbers"},
+      {"astro.leap_seconds(1e300, 1, 1)", "year, month and day, whole numbers"},
+      {"astro.position('moon', '2026-11-26T12:00:00', 1e30)", "seconds after the date, a number of at most 1e10"},
+      {"astro.position('moon', '2026-11-26')", "a date from 1960 to 2200"},
+      {"astro.earth_rotation_angle('2026-11-26T12:00:00', 0, 5)", "UT1 - UTC, a number from -1 to 1 [s]"},
+      {"astro.julian_date('2026-11-26T12:00:00', 'UT1', 5)", "UT1 - UTC, a number from -1 to 1 [s]"},
+      {"astro.earth_axes('2026-11-26T12:00:00', 0, 0, 0.2)", "polar motion x, a number from -1e-4 to 1e-4 [rad]"},
+      {"astro.from_geodetic(0, 1.6, 0)", "latitude from -pi/2 to pi/2 [rad]"},
+      {"astro.geodetic { 1 / 0, 0, 0 }", "a place [m], finite numbers"},
+  };
+  const TemporaryFolder dir;
+  for (const auto& [call, expected] : kRefused) {
+    const Finished run = checked(dir, call);
+    EXPECT_EQ(run.exit_code, 2) << call << run.out;
+    EXPECT_NE(run.err.find(expected), std::string::npos) << call << "\n" << run.err;
+  }
+}
+
+}  // namespace
+}  // namespace cardan
