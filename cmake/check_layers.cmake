@@ -39,7 +39,7 @@ set(layers
   "scripts/lua/matrix|core/base core/linalg/dense core/io/hdf5_file scripts/lua/"
   "scripts/prelude/|"
   "scripts/mission/|core bodies/vehicle/ bodies/register.hpp hinges/register.hpp plugins/devices/register.hpp scripts/lua/ scripts/prelude/"
-  "scripts/bindings/|core bodies/vehicle/ plugins/astronomy/ scripts/lua/ scripts/prelude/ scripts/mission/"
+  "scripts/bindings/|core bodies/vehicle/ plugins/astronomy/ plugins/fields/upper_air.hpp scripts/lua/ scripts/prelude/ scripts/mission/"
   "scripts/report/|core/base core/io"
   "scripts/regress/|core/base core/io core/model"
   "scripts/precision/|core/base core/io core/time scripts/regress/"

@@ -12,6 +12,7 @@
 #include "plugins/astronomy/celestial.hpp"
 #include "plugins/astronomy/dates.hpp"
 #include "plugins/astronomy/earth.hpp"
+#include "plugins/fields/upper_air.hpp"
 #include "scripts/bindings/bind.hpp"
 #include "scripts/lua/matrix.hpp"
 #include "scripts/lua/table.hpp"
@@ -148,6 +149,49 @@ int from_geodetic(lua_State* L) {
   return numbers(L, place_of_geodetic(number(1, kAny), number(2, 0.5 * std::numbers::pi), number(3, kAny)));
 }
 
+/// astro.nrlmsise00 { day, seconds, altitude, latitude, longitude, solar_time, f107, f107_average, ap } -> what it tells.
+int nrlmsise00(lua_State* L) {
+  DiagnosticSink sink;
+  LuaTable t(L, 1, "astro.nrlmsise00", sink);
+  t.require({"day", "altitude", "latitude", "longitude", "f107"});
+  UpperAirAsked asked;
+  const auto within = [&](const char* key, const char* unit, double low, double high, double fallback) {
+    const double x = t.number(key, unit).value_or(fallback);
+    if (!(x >= low && x <= high)) t.reject(key, fmt::format("from {:.7g} to {:.7g} {}", low, high, unit));
+    return x;
+  };
+  constexpr double kPi = std::numbers::pi;
+  const double day = within("day", "1", 1.0, 366.0, 1.0);
+  if (day != std::floor(day)) t.reject("day", "a day of the year, whole, from 1", "the time goes into `seconds`");
+  asked.day = static_cast<int>(day);
+  asked.seconds = within("seconds", "s", 0.0, 86401.0, 0.0);
+  asked.altitude = within("altitude", "m", 0.0, 1000e3, 400e3);
+  asked.latitude = within("latitude", "rad", -0.5 * kPi, 0.5 * kPi, 0.0);
+  asked.longitude = within("longitude", "rad", -2.0 * kPi, 2.0 * kPi, 0.0);
+  asked.solar_time = within("solar_time", "s", -86400.0, 2.0 * 86400.0, asked.seconds + asked.longitude / (2.0 * kPi) * 86400.0);
+  asked.f107 = within("f107", "1", 50.0, 400.0, 150.0);
+  asked.f107_average = within("f107_average", "1", 50.0, 400.0, asked.f107);
+  lua_getfield(L, 1, "ap");
+  asked.history = lua_istable(L, -1);
+  lua_pop(L, 1);
+  if (asked.history) {
+    if (const auto seven = t.numbers("ap", asked.ap.size())) std::ranges::copy(*seven, asked.ap.begin());
+  } else {
+    asked.ap.fill(t.number("ap").value_or(4.0));
+  }
+  if (std::ranges::any_of(asked.ap, [](double x) { return !(x >= 0.0 && x <= 400.0); }))
+    t.reject("ap", "from 0 to 400: one number, or seven of the 57 h before");
+  t.finish();
+  sink.throw_if_any();
+  const UpperAir air = upper_air(asked);
+  constexpr const char* kNames[] = {"He", "O", "N2", "O2", "Ar", "H", "N", "hot_O"};
+  lua_createtable(L, 0, 12);
+  const auto put = [&](const char* key, double x) { lua_pushnumber(L, x), lua_setfield(L, -2, key); };
+  for (std::size_t i = 0; i < air.number.size(); ++i) put(kNames[i], air.number[i]);
+  put("density", air.density), put("drag_density", air.drag_density), put("temperature", air.temperature), put("exosphere", air.exosphere);
+  return 1;
+}
+
 }  // namespace
 
 void bind_astronomy(Scenario& s) {
@@ -161,6 +205,7 @@ void bind_astronomy(Scenario& s) {
   s.lua.bind("astro.earth_axes", axes);
   s.lua.bind("astro.position", position);
   s.lua.bind("astro.gm", gm);
+  s.lua.bind("astro.nrlmsise00", nrlmsise00);
   s.lua.bind("astro.geodetic", to_geodetic);
   s.lua.bind("astro.from_geodetic", from_geodetic);
 }

@@ -67,5 +67,27 @@ TEST(Astro, RefusesWhatHasNoMeaning) {
   }
 }
 
+/// Rows 1 and 16 of the published test output.
+TEST(Astro, AsksNrlmsise00ByHand) {
+  const TemporaryFolder dir;
+  const Finished run = checked(dir, R"(
+local function near(x, wanted) assert(math.abs(x / wanted - 1) <= 1e-6, x .. " is not " .. wanted) end
+local asked = { day = 172, seconds = 29000, altitude = "400 km", latitude = "60 deg", longitude = "-70 deg", solar_time = "16 h", f107 = 150, f107_average = 150, ap = 4 }
+local air = astro.nrlmsise00(asked)
+near(air.He, 6.665177e11) near(air.O, 1.138806e14) near(air.N2, 1.998211e13) near(air.O2, 4.022764e11) near(air.Ar, 3.557465e9)
+near(air.density, 4.074714e-12) near(air.H, 3.475312e10) near(air.N, 4.095913e12) near(air.hot_O, 2.667273e10)
+near(air.exosphere, 1250.540) near(air.temperature, 1241.416)
+near(air.drag_density - air.density, 1.66e-27 * 16 * air.hot_O)
+asked.ap = { 100, 100, 100, 100, 100, 100, 100 }
+near(astro.nrlmsise00(asked).density, 5.88194e-12)
+asked.solar_time, asked.altitude = nil, "1500 km"
+local good, told = pcall(astro.nrlmsise00, asked)
+assert(not good and tostring(told):find("astro.nrlmsise00.altitude", 1, true), told)
+assert(not pcall(astro.nrlmsise00, { day = 3.5, altitude = 0, latitude = 0, longitude = 0, f107 = 150 }))
+assert(not pcall(astro.nrlmsise00, {}))
+)");
+  EXPECT_EQ(run.exit_code, 0) << run.err;
+}
+
 }  // namespace
 }  // namespace cardan

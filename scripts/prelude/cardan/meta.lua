@@ -1071,6 +1071,10 @@ function astro.position(body, date, t, origin) end
 ---@param body string
 ---@return number gm [m^3/s^2]
 function astro.gm(body) end
+--- What NRLMSISE-00 tells of the air at a place and a time, all species; the field of that name has `drag_density`.
+---@param asked { day: integer, seconds: quantity, altitude: quantity, latitude: quantity, longitude: quantity, solar_time: quantity, f107: number, f107_average: number, ap: number|number[] } day of the year from 1, time of the day (UT), geodetic place, local solar time (by the longitude), F10.7 of the day before and over 81 days, ap of the day (4) or seven of the 57 h before
+---@return { density: number, drag_density: number, temperature: number, exosphere: number, He: number, O: number, N2: number, O2: number, Ar: number, H: number, N: number, hot_O: number } air [kg/m^3] without anomalous oxygen and with it, [K] there and far above, numbers [1/m^3]
+function astro.nrlmsise00(asked) end
 --- On the ellipsoid WGS 84.
 ---@param place Vector|number[] axes of the Earth [m]
 ---@return number longitude [rad] to the east
