@@ -2,17 +2,15 @@
 
 #include <erfa.h>
 
-#include <array>
 #include <cmath>
 #include <cstdio>
-#include <string>
+#include <iterator>
 #include <string_view>
 
 namespace cardan {
 namespace {
 
 constexpr double kMjd = 2400000.5, kFirst = 2436934.5, kEnd = 2524958.5;  // [d]: from 1960 to 2200, the day after
-constexpr std::array<const char*, 4> kScales = {"UTC", "TAI", "TT", "UT1"};
 
 /// What is read before a scale: a calendar date or a Julian date. Whether there is such a date ERFA says.
 struct Read {
@@ -45,15 +43,30 @@ std::optional<Read> julian(const char* text, const char** rest) {
 std::optional<TimeScale> scale_of(std::string_view rest) {
   while (!rest.empty() && rest.front() == ' ') rest.remove_prefix(1);
   if (rest.empty() || rest == "Z") return TimeScale::utc;
-  for (std::size_t i = 0; i < kScales.size(); ++i)
-    if (rest == kScales[i]) return static_cast<TimeScale>(i);
+  for (std::size_t i = 0; i < std::size(kTimeScales); ++i)
+    if (rest == kTimeScales[i]) return static_cast<TimeScale>(i);
   return {};
 }
 
-/// Two parts of a Julian date as Days: whole ends with .5, 0 <= part < 1.
-Days days(double jd, double fraction) {
-  const double whole = std::floor(jd - 0.5) + 0.5, part = (jd - whole) + fraction, more = std::floor(part);
-  return {whole + more - Days::kJ2000, part - more};
+/// A Julian date in two parts, as ERFA has them.
+struct Parts {
+  double a, b;
+};
+/// In TAI, and from TAI; UT1 by way of UTC. Empty where ERFA refuses; its warning that leap seconds may be missing is none.
+std::optional<Parts> to_tai(const Parts& p, TimeScale scale, double dut1) {
+  Parts utc = p, out = p;
+  if (scale == TimeScale::ut1 && eraUt1utc(p.a, p.b, dut1, &utc.a, &utc.b) < 0) return {};
+  const int status = scale == TimeScale::tai  ? 0
+                     : scale == TimeScale::tt ? eraTttai(p.a, p.b, &out.a, &out.b)
+                                              : eraUtctai(utc.a, utc.b, &out.a, &out.b);
+  return status < 0 ? std::nullopt : std::optional(out);
+}
+std::optional<Parts> from_tai(const Parts& p, TimeScale scale, double dut1) {
+  Parts out = p;
+  if (scale == TimeScale::tai) return out;
+  const int status = scale == TimeScale::tt ? eraTaitt(p.a, p.b, &out.a, &out.b) : eraTaiutc(p.a, p.b, &out.a, &out.b);
+  if (status < 0 || (scale == TimeScale::ut1 && eraUtcut1(out.a, out.b, dut1, &out.a, &out.b) < 0)) return {};
+  return out;
 }
 
 }  // namespace
@@ -63,32 +76,20 @@ std::optional<Days> read_date(const char* text, TimeScale to, double dut1) {
   const auto read = text[0] == 'J' || text[0] == 'M' ? julian(text, &rest) : calendar(text, &rest);
   const auto scale = read ? scale_of(rest) : std::nullopt;
   if (!scale) return {};
-  double a = read->jd, b = read->fraction;
-  const char* name = *scale == TimeScale::utc ? "UTC" : "";
+  Parts p{read->jd, read->fraction};
   if (!read->julian) {
-    const int status = eraDtf2d(name, read->year, read->month, read->day, read->hour, read->minute, read->second, &a, &b);
+    const char* name = *scale == TimeScale::utc ? "UTC" : "";
+    const int status = eraDtf2d(name, read->year, read->month, read->day, read->hour, read->minute, read->second, &p.a, &p.b);
     if (status < 0 || status > 1) return {};  // 1: so far from the last leap second that some may be missing
   }
-  if (!(a + b >= kFirst && a + b < kEnd)) return {};  // before 1960 there is no UTC
-  // To TAI and on; TAI to UT1 by way of UTC.
-  const auto fits = [](int status) { return status >= 0; };
-  double c = a, d = b;
-  if (*scale == to) return days(a, b);
-  bool good = true;
-  if (*scale == TimeScale::ut1) good = fits(eraUt1utc(a, b, dut1, &c, &d)), a = c, b = d;
-  if (good && (*scale == TimeScale::ut1 || *scale == TimeScale::utc)) {
-    if (to == TimeScale::utc) return days(a, b);
-    if (to == TimeScale::ut1) return fits(eraUtcut1(a, b, dut1, &c, &d)) ? std::optional(days(c, d)) : std::nullopt;
-    good = fits(eraUtctai(a, b, &c, &d));
-  } else if (good && *scale == TimeScale::tt) {
-    good = fits(eraTttai(a, b, &c, &d));
+  if (!(p.a + p.b >= kFirst && p.a + p.b < kEnd)) return {};  // before 1960 there is no UTC
+  if (*scale != to) {
+    const auto tai = to_tai(p, *scale, dut1), converted = tai ? from_tai(*tai, to, dut1) : std::nullopt;
+    if (!converted) return {};
+    p = *converted;
   }
-  if (!good) return {};
-  if (to == TimeScale::tai) return days(c, d);
-  if (to == TimeScale::tt) return fits(eraTaitt(c, d, &a, &b)) ? std::optional(days(a, b)) : std::nullopt;
-  if (!fits(eraTaiutc(c, d, &a, &b))) return {};
-  if (to == TimeScale::utc) return days(a, b);
-  return fits(eraUtcut1(a, b, dut1, &c, &d)) ? std::optional(days(c, d)) : std::nullopt;
+  const double whole = std::floor(p.a - 0.5) + 0.5, part = (p.a - whole) + p.b, more = std::floor(part);
+  return Days{whole + more - Days::kJ2000, part - more};  // whole ends with .5, 0 <= part < 1
 }
 
 std::optional<double> leap_seconds(int year, int month, int day) {

@@ -12,6 +12,7 @@ struct Days {
 };
 
 enum class TimeScale { utc, tai, tt, ut1 };
+inline constexpr const char* kTimeScales[] = {"UTC", "TAI", "TT", "UT1"};
 
 /// A date in a scale: "2026-11-26T12:00:00 TT", "JD 2453750.5 + 0.892 UTC", "MJD 53736.25 UT1"; without a scale it is of UTC,
 /// whose leap seconds are those that ERFA knows. From 1960, with which UTC begins, to 2200. dut1 = UT1 - UTC [s], as the IERS tells it.

@@ -95,6 +95,12 @@ struct WeatherFile {
   }
 };
 
+/// False where the model fails: 1/T passes zero for extreme F10.7 and ap.
+bool is_air(const msis::Air<double>& air) {
+  const double density = air.density();
+  return air.temperature > 0.0 && air.temperature < 4000.0 && density > 0.0 && std::isfinite(density);
+}
+
 struct Nrlmsise00 {
   static constexpr const char* type = "nrlmsise00";
   static constexpr const char* summary =
@@ -250,12 +256,7 @@ struct Nrlmsise00 {
   }
   static int beyond(const Packed& p, const FieldPoint<Nrlmsise00, double>& at) noexcept {
     const double h = place(from_centre(p, at)).height;
-    bool fails = false;
-    if (at.prepared->extreme != 0.0) {
-      const msis::Air<double> air = asked(p, at);
-      const double density = air.density();
-      fails = !(air.temperature > 0.0 && air.temperature < 4000.0 && density > 0.0 && std::isfinite(density));
-    }
+    const bool fails = at.prepared->extreme != 0.0 && !is_air(asked(p, at));
     return (h < 0.0 ? 1 : 0) | (h > kHighest ? 2 : 0) | (fails ? 16 : 0);
   }
   template <class T>
@@ -290,7 +291,7 @@ UpperAir upper_air(const UpperAirAsked& asked) {
                h = msis::kHour * asked.solar_time / 3600.0;
   const auto got = msis::air(
       moment, msis::Place<double>{1e-3 * asked.altitude, std::cos(N), std::sin(N), std::cos(E), std::sin(E), std::cos(h), std::sin(h)});
-  UpperAir out{{}, 1e3 * got.density(7), 1e3 * got.density(), got.temperature, got.exosphere};
+  UpperAir out{{}, 1e3 * got.density(7), 1e3 * got.density(), got.temperature, got.exosphere, is_air(got)};
   for (std::size_t i = 0; i < 8; ++i) out.number[i] = 1e6 * got.number[i];
   return out;
 }

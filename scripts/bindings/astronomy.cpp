@@ -73,10 +73,10 @@ int results(lua_State* L, const std::array<double, n>& each) {
   return static_cast<int>(n);
 }
 
-constexpr const char* kScales[] = {"UTC", "TAI", "TT", "UT1"};
 int julian_date(lua_State* L) {
   const char* text = text_at(L, 1, "astro.julian_date", "a date, and the scale that it is told in");
-  const auto to = lua_isnoneornil(L, 2) ? TimeScale::tt : static_cast<TimeScale>(choice_at(L, 2, "astro.julian_date", "a scale", kScales));
+  const auto to =
+      lua_isnoneornil(L, 2) ? TimeScale::tt : static_cast<TimeScale>(choice_at(L, 2, "astro.julian_date", "a scale", kTimeScales));
   const auto days = read_date(text, to, dut1_at(L, 3, "astro.julian_date"));
   if (!days) refuse(L, Code::lua_argument, "astro.julian_date", "a date from 1960 to 2200: \"2026-11-26T12:00:00 UTC\"", in_quotes(text));
   return results(L, std::array{Days::kJ2000 + days->whole, days->part});
@@ -184,6 +184,10 @@ int nrlmsise00(lua_State* L) {
   t.finish();
   sink.throw_if_any();
   const UpperAir air = upper_air(asked);
+  if (!air.is_air)
+    refuse(L, Code::lua_argument, "astro.nrlmsise00",
+           "F10.7 and ap for which the model has a density there, and a temperature from 0 to 4000 K",
+           fmt::format("{:g} kg/m^3 at {:g} K", air.density, air.temperature));
   constexpr const char* kNames[] = {"He", "O", "N2", "O2", "Ar", "H", "N", "hot_O"};
   lua_createtable(L, 0, 12);
   const auto put = [&](const char* key, double x) { lua_pushnumber(L, x), lua_setfield(L, -2, key); };
@@ -195,19 +199,20 @@ int nrlmsise00(lua_State* L) {
 }  // namespace
 
 void bind_astronomy(Scenario& s) {
-  s.lua.bind("astro.julian_date", julian_date);
-  s.lua.bind("astro.leap_seconds", leap_seconds_of);
-  s.lua.bind("astro.earth_rotation_angle", rotation_angle);
-  s.lua.bind("astro.sidereal_time", sidereal_time);
-  s.lua.bind("astro.nutation", nutation_of);
-  s.lua.bind("astro.intermediate_pole", pole);
-  s.lua.bind("astro.precession_nutation", precession_nutation);
-  s.lua.bind("astro.earth_axes", axes);
-  s.lua.bind("astro.position", position);
-  s.lua.bind("astro.gm", gm);
-  s.lua.bind("astro.nrlmsise00", nrlmsise00);
-  s.lua.bind("astro.geodetic", to_geodetic);
-  s.lua.bind("astro.from_geodetic", from_geodetic);
+  constexpr std::pair<const char*, lua_CFunction> kFunctions[] = {{"julian_date", julian_date},
+                                                                  {"leap_seconds", leap_seconds_of},
+                                                                  {"earth_rotation_angle", rotation_angle},
+                                                                  {"sidereal_time", sidereal_time},
+                                                                  {"nutation", nutation_of},
+                                                                  {"intermediate_pole", pole},
+                                                                  {"precession_nutation", precession_nutation},
+                                                                  {"earth_axes", axes},
+                                                                  {"position", position},
+                                                                  {"gm", gm},
+                                                                  {"nrlmsise00", nrlmsise00},
+                                                                  {"geodetic", to_geodetic},
+                                                                  {"from_geodetic", from_geodetic}};
+  for (const auto& [name, function] : kFunctions) s.lua.bind(string("astro.") + name, function);
 }
 
 }  // namespace cardan

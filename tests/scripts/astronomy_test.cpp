@@ -85,6 +85,8 @@ local good, told = pcall(astro.nrlmsise00, asked)
 assert(not good and tostring(told):find("astro.nrlmsise00.altitude", 1, true), told)
 assert(not pcall(astro.nrlmsise00, { day = 3.5, altitude = 0, latitude = 0, longitude = 0, f107 = 150 }))
 assert(not pcall(astro.nrlmsise00, {}))
+good, told = pcall(astro.nrlmsise00, { day = 172, altitude = 0, latitude = -1.5, longitude = 1, f107 = 50, f107_average = 300, ap = 400 })
+assert(not good and tostring(told):find("for which the model has a density", 1, true), told)  -- its series have no number there
 )");
   EXPECT_EQ(run.exit_code, 0) << run.err;
 }
