@@ -155,9 +155,9 @@ SystemSpec with_twin_bodies(SystemSpec spec, const Registry& registry) {
 int fields(double seconds) {
   Registry registry;
   register_devices(registry);  // and fields
-  fmt::print("| {:<39} | {:>10} | {:>18} | {:>12} | {:>10} |\n|---|---:|---:|---:|---:|\n", "field at a point", "values, ns",
+  fmt::print("| {:<53} | {:>10} | {:>18} | {:>12} | {:>10} |\n|---|---:|---:|---:|---:|\n", "field at a point", "values, ns",
              "with gradients, ns", "new time, ns", "divergence");
-  const auto row = [&](const cardan_field_family& f, int degree, bool of_iau) {
+  const auto row = [&](const cardan_field_family& f, int degree, const std::string& stands) {
     ParamTable values;
     for (std::uint32_t i = 0; i < f.n_params; ++i) {
       const cardan_param_desc& d = f.params[i];
@@ -172,7 +172,13 @@ int fields(double seconds) {
       values.bytes["shape"].assign(std::istreambuf_iterator<char>(file), {});
       values.texts["shape"] = "eros_shape_856.txt", values.numbers["unit"] = {1e5};
     }
-    if (of_iau) values.numbers["orientation"] = {1.0}, values.numbers["rate"] = {7.292115e-5};
+    if (stands == "mars") values.numbers["orientation"] = {7.0}, values.numbers["rate"] = {7.088218e-5};
+    if (stands.starts_with("iau2006")) values.numbers["orientation"] = {1.0}, values.numbers["rate"] = {7.292115e-5};
+    if (stands.ends_with("bulletin")) {
+      std::string& days = values.bytes["bulletin"] = "mjd,x,y,ut1_utc\n";
+      for (int mjd = 61360; mjd < 61400; ++mjd) days += fmt::format("{},0.1,0.3,0.05\n", mjd);
+      values.texts["bulletin"] = "days";
+    }
     if (f.type != std::string_view("third_body")) values.numbers["mu"] = {4e14};
     values.numbers["coefficients"].clear();
     if (f.quantity == CARDAN_GRAVITY) values.numbers["radius"] = {6378e3};
@@ -219,16 +225,17 @@ int fields(double seconds) {
       worst = std::max(worst, std::abs(gradient[0] + gradient[4] + gradient[8]) / most);
     }
     fmt::print("| {:<39} | {:>10.0f} | {:>18.0f} | {:>12} | {:>10} |\n",
-               degree > 0 ? fmt::format("{}, degree {}{}", f.type, degree, of_iau ? ", iau2006" : "") : f.type, least[0], least[1],
-               f.prepare ? fmt::format("{:.0f}", anew) : "", told ? fmt::format("{:.1e}", worst) : "");
+               degree > 0 ? fmt::format("{}, degree {}{}", f.type, degree, stands.empty() ? "" : ", " + stands) : f.type, least[0],
+               least[1], f.prepare ? fmt::format("{:.0f}", anew) : "", told ? fmt::format("{:.1e}", worst) : "");
   };
   for (const auto& [family, origin] : registry.fields.all()) {
     const std::string_view type = family->type;
     const std::vector<int> degrees = type == "spherical_harmonics"  ? std::vector<int>{4, 8, 20, 70, 120}
                                      : type == "magnetic_harmonics" ? std::vector<int>{13}
                                                                     : std::vector<int>{0};
-    for (const int degree : degrees) row(*family, degree, false);
-    if (type == "spherical_harmonics") row(*family, degrees.front(), true);
+    for (const int degree : degrees) row(*family, degree, "");
+    for (const char* stands : {"iau2006", "iau2006 by a bulletin", "mars"})
+      if (type == "spherical_harmonics") row(*family, degrees.front(), stands);
   }
   return 0;
 }

@@ -107,7 +107,8 @@ ParamTable random_parameters(std::span<const cardan_param_desc> schema, std::mt1
         continue;
       case CARDAN_CHOICE: {
         const double any = std::min(std::floor(uniform(rng) * d.count), d.count - 1.0);
-        numbers = {sparse && !required ? std::clamp(d.fallback[0], 0.0, d.count - 1.0) : any};
+        // What is not the default may ask for other parameters that fit it.
+        numbers = {(sparse || uniform(rng) < 0.5) && !required ? std::clamp(d.fallback[0], 0.0, d.count - 1.0) : any};
         table.texts[d.name] = d.names[static_cast<std::size_t>(numbers[0])];
         continue;
       }

@@ -72,10 +72,10 @@ void move_pole(double x, double y, double s, double* columns) {
   std::copy_n(moved, 9, columns);
 }
 
-std::array<double, 9> earth_axes(const Days& tt, const Days& ut1, double x, double y) {
+std::array<double, 9> earth_axes(const Days& tt, const Days& ut1, double x, double y, double dX, double dY) {
   const std::array<double, 3> cip = intermediate_pole_of_day(tt);
   double to_intermediate[3][3], rows[3][3];
-  eraC2ixys(cip[0], cip[1], cip[2], to_intermediate);
+  eraC2ixys(cip[0] + dX, cip[1] + dY, cip[2], to_intermediate);
   eraCr(to_intermediate, rows);
   eraRz(earth_rotation_angle(ut1), rows);
   std::array<double, 9> out{};

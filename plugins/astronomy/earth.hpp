@@ -36,7 +36,8 @@ std::array<double, 3> place_of_geodetic(double longitude, double latitude, doubl
 /// Polar motion x, y and the locator s' [rad]: from axes that have the axis of rotation for their third to those of the crust, columns.
 void move_pole(double x, double y, double s, double* columns);
 
-/// The axes of the Earth (ITRS), columns in those of the GCRS, one after the other; x, y: polar motion [rad].
-std::array<double, 9> earth_axes(const Days& tt, const Days& ut1, double x, double y);
+/// The axes of the Earth (ITRS), columns in those of the GCRS, one after the other; x, y: polar motion; dX, dY: what observation adds to
+/// the celestial pole [rad].
+std::array<double, 9> earth_axes(const Days& tt, const Days& ut1, double x, double y, double dX = 0.0, double dY = 0.0);
 
 }  // namespace cardan

@@ -227,6 +227,7 @@ template <class F>
 struct HarmonicFamily {
   using Packed = HarmonicField;
   using Prepared = PlanetAxes;
+  static constexpr cardan_limit_desc limits[] = {TurningPlanet::bulletin_limit};
 
   static std::uint64_t packed_size(const Params& params) {
     const auto all = F::coefficients(params);
@@ -241,7 +242,7 @@ struct HarmonicFamily {
   }
   static int prepare(const Packed& p, double t, Prepared& out) noexcept {
     out = PlanetAxes::at(p.planet, t);
-    return 0;
+    return p.planet.is_known(t) ? 0 : 1;
   }
 };
 

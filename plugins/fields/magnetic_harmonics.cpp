@@ -37,6 +37,7 @@ struct MagneticHarmonics : HarmonicFamily<MagneticHarmonics> {
       TurningPlanet::orientation_desc,
       TurningPlanet::pole_x_desc,
       TurningPlanet::pole_y_desc,
+      TurningPlanet::bulletin_desc,
       TurningPlanet::centre_desc};
 
   static std::optional<std::vector<Coefficient>> coefficients(const Params& params) {

@@ -136,13 +136,15 @@ struct Nrlmsise00 {
       TurningPlanet::orientation_desc,
       TurningPlanet::pole_x_desc,
       TurningPlanet::pole_y_desc,
+      TurningPlanet::bulletin_desc,
       TurningPlanet::centre_desc};
   static constexpr cardan_limit_desc limits[] = {
       {"lowest", 1, "below the ellipsoid"},
       {"highest", 1, "1000 km above the ellipsoid"},
       {"before", 1, "before the second day of `weather`, with `activity: history` the fourth"},
       {"after", 1, "after the last day of `weather`"},
-      {"model", 0, "F10.7 above 400, a flare that day, or F10.7 and ap for which the model has no temperature from 0 to 4000 K"}};
+      {"model", 0, "F10.7 above 400, a flare that day, or F10.7 and ap for which the model has no temperature from 0 to 4000 K"},
+      TurningPlanet::bulletin_limit};
   struct Packed {
     TurningPlanet planet;
     double seconds;                     // of the day at t = 0
@@ -165,6 +167,8 @@ struct Nrlmsise00 {
   }
   static bool pack(const Params& params, Packed& p) {
     if (!p.planet.pack(params)) return false;
+    if (p.planet.orientation > TurningPlanet::iau2006)
+      return params.fail("orientation", "mean or iau2006: it is the air of the Earth", TurningPlanet::kOrientations[p.planet.orientation]);
     const double day = params.number("day"), f107 = params.number("f107"), average = params.number("f107_average"),
                  ap = params.number("ap");
     if (params.text("epoch")) {
@@ -237,6 +241,7 @@ struct Nrlmsise00 {
     const auto [least, most] = std::minmax(now.f107, now.average);
     out.extreme = least < 60.0 || most > 300.0 || now.average > 250.0 || std::ranges::max(now.ap) > 100.0;
     if (now.f107 > kMostFlux) beyond |= 16;
+    if (!p.planet.is_known(t)) beyond |= 32;
     msis::prepare(now, out.moment);
     return beyond;
   }

@@ -5,23 +5,29 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
+#include <string>
 
 #include "core/abi/field_family.hpp"
+#include "plugins/astronomy/bulletin.hpp"
 #include "plugins/astronomy/dates.hpp"
 #include "plugins/astronomy/earth.hpp"
+#include "plugins/astronomy/planets.hpp"
 #include "plugins/fields/geodetic.hpp"
 
 namespace cardan {
 
-/// A planet that turns about its axis at a constant rate: where it is, and its axes at t = 0, columns in world axes: along the prime
-/// meridian, east of it, along the axis. Or the Earth as the IAU has it, in axes of the GCRS.
-struct TurningPlanet {
-  double centre[3], axes[9], rate;  // [m], [rad/s]
-  std::int64_t of_iau;              // 1: `epoch` and `pole` tell its axes
-  Epoch epoch;
-  double pole[2];  // polar motion x, y [rad]
+/// How a planet stands. It turns about its axis at a constant rate: its axes at t = 0, columns in world axes: along the prime meridian,
+/// east of it, along the axis. Or it is the Earth or another body as the IAU has it, in axes of the GCRS.
+struct PlanetTurn {
+  enum Orientation : std::int64_t { mean, iau2006, moon_principal, of_body };  // of_body + i: of the i-th body but the Earth
 
-  static constexpr cardan_param_desc centre_desc = param::optional("centre", CARDAN_VECTOR, "m", "of the planet, world axes");
+  double axes[9], rate;      // [rad/s]
+  std::int64_t orientation;  // but for `mean`, `epoch` and `pole` tell the axes
+  Epoch epoch;
+  double pole[2];            // polar motion x, y [rad]
+  const Bulletin* bulletin;  // which in place of it and of UT1 tells how the Earth stands; lives for the whole program
+
   static constexpr cardan_param_desc axis_desc = {
       "axis", CARDAN_UNIT_VECTOR, 0u, "1", "of the planet, to the north, world axes", {0.0, 0.0, 1.0}, 0.0, 0.0, 0, nullptr, nullptr};
   static constexpr cardan_param_desc meridian_desc = {
@@ -41,17 +47,24 @@ struct TurningPlanet {
       "date of t = 0, 2026-11-26T12:00:00 UTC (or UT1, TT, TAI): longitude 0 of Earth is then its rotation angle ahead of `meridian`");
   static constexpr cardan_param_desc dut1_desc = param::in_range(
       param::optional("dut1", CARDAN_NUMBER, "s", "UT1 - UTC at `epoch`, as the IERS tells it; t goes on as UT1 does"), -1.0, 1.0);
-  static constexpr const char* kOrientations[] = {"mean", "iau2006"};
+  static constexpr const char* kOrientations[] = {"mean",  "iau2006", "moon_principal", "sun",    "moon",   "mercury",
+                                                  "venus", "mars",    "jupiter",        "saturn", "uranus", "neptune"};
   static constexpr cardan_param_desc orientation_desc = param::named(
       param::optional("orientation", CARDAN_CHOICE, "1",
-                      "mean: by `axis`, `meridian` and `rate`; iau2006: of Earth at `epoch` and on, with precession, nutation and polar "
-                      "motion, where world axes are those of the GCRS"),
+                      "mean: by `axis`, `meridian` and `rate`; at `epoch` and on, where world axes are those of the GCRS, iau2006: of "
+                      "Earth with precession, nutation and polar motion; moon, mars and so on: of that body by the IAU's report of 2015, "
+                      "moon_principal: of the Moon, in its principal axes"),
       kOrientations);
   static constexpr cardan_param_desc pole_x_desc = param::in_range(
       param::optional("pole_x", CARDAN_NUMBER, "rad", "polar motion: of the axis from the third axis of the planet, along its first"),
       -1e-4, 1e-4);
   static constexpr cardan_param_desc pole_y_desc = param::in_range(
       param::optional("pole_y", CARDAN_NUMBER, "rad", "polar motion: the same along its second, taken to the other side"), -1e-4, 1e-4);
+  static constexpr cardan_param_desc bulletin_desc = param::optional("bulletin", CARDAN_FILE, "1",
+                                                                     "in place of `dut1`, `pole_x`, `pole_y`, with orientation: iau2006: "
+                                                                     "their days by a file of the IERS, finals2000A as it is printed or "
+                                                                     "CSV with the columns mjd, x, y, ut1_utc and perhaps dX, dY");
+  static constexpr cardan_limit_desc bulletin_limit = {"bulletin", 1, "outside of the days of `bulletin`"};
   static constexpr cardan_param_desc rate_desc =
       param::required("rate", CARDAN_NUMBER, "rad/s", "of the planet about its axis: 7.292115e-5 of Earth, 0 of one that does not turn");
 
@@ -59,40 +72,94 @@ struct TurningPlanet {
   static constexpr const char* kDateExpected = "a date of UTC, UT1, TT or TAI from 1960 to 2200: 2026-11-26T12:00:00 UTC";
 
   bool pack(const Params& params) {
-    const Eigen::Vector3d c = params.vector("centre"), k = params.vector("axis"), m = params.vector("meridian");
+    const Eigen::Vector3d k = params.vector("axis"), m = params.vector("meridian");
     const Eigen::Vector3d across = m - m.dot(k) * k;
     if (across.norm() < 1e-6) return params.fail("meridian", "a direction that is not along `axis`");
     double ahead = 0.0;
-    of_iau = params.choice("orientation");
+    orientation = params.choice("orientation");
+    const char* name = kOrientations[orientation];
     pole[0] = params.number("pole_x"), pole[1] = params.number("pole_y");
+    bulletin = nullptr;
+    if (params.text("bulletin")) {
+      if (orientation != iau2006) return params.fail("bulletin", "orientation: iau2006, that of the Earth", name);
+      if (pole[0] != 0.0 || pole[1] != 0.0 || params.number("dut1") != 0.0)
+        return params.fail(pole[0] != 0.0 ? "pole_x" : pole[1] != 0.0 ? "pole_y" : "dut1", "none: `bulletin` tells it");
+      std::string fault;
+      bulletin = Bulletin::of(params.bytes("bulletin"), fault);
+      if (!bulletin)
+        return params.fail(
+            "bulletin", "finals2000A of the IERS, or CSV with the columns mjd, x, y, ut1_utc, of at least four days, one after the other",
+            fault.c_str());
+    }
     if (const char* text = params.text("epoch")) {
-      const auto read = Epoch::of(text, params.number("dut1"));
+      const auto read = bulletin ? bulletin->epoch(text) : Epoch::of(text, params.number("dut1"));
       if (!read) return params.fail("epoch", kDateExpected);
       epoch = *read;
       ahead = earth_rotation_angle(epoch.ut1);
-    } else if (of_iau) {
-      return params.fail("epoch", kDateExpected, "none, and orientation: iau2006");
+    } else if (orientation != mean) {
+      return params.fail("epoch", kDateExpected, (std::string("none, and orientation: ") + name).c_str());
     }
-    if (of_iau && (k != Eigen::Vector3d::UnitZ() || m != Eigen::Vector3d::UnitX()))
-      return params.fail("orientation", "mean", nullptr, "iau2006 has an axis and a meridian of its own");
-    if (of_iau && !(std::abs(params.number("rate") - kEarthRate) < 1e-6 * kEarthRate))
-      return params.fail("rate", "7.292115e-5 rad/s, that of Earth, whose orientation is iau2006");
+    if (orientation != mean) {
+      if (k != Eigen::Vector3d::UnitZ() || m != Eigen::Vector3d::UnitX())
+        return params.fail("orientation", "mean", nullptr, (std::string(name) + " has an axis and a meridian of its own").c_str());
+      const double turns = orientation == iau2006 ? kEarthRate : rotation_rate(body());
+      if (!(std::abs(params.number("rate") - turns) < 1e-6 * std::abs(turns))) {
+        char expected[100];
+        std::snprintf(expected, sizeof expected, "%.7g rad/s, that of %s, whose orientation is %s", turns,
+                      orientation == iau2006          ? "Earth"
+                      : orientation == moon_principal ? "the Moon"
+                                                      : "the body",
+                      name);
+        return params.fail("rate", expected);
+      }
+    }
+    if (orientation > iau2006 && (pole[0] != 0.0 || pole[1] != 0.0 || params.number("dut1") != 0.0))
+      return params.fail(pole[0] != 0.0 ? "pole_x" : pole[1] != 0.0 ? "pole_y" : "dut1", "0: only the Earth has it");
     Eigen::Map<Eigen::Matrix3d> columns(axes);
     columns.col(0) = Eigen::AngleAxisd(ahead, k) * across.normalized(), columns.col(1) = k.cross(columns.col(0)), columns.col(2) = k;
-    Eigen::Map<Eigen::Vector3d> to(centre);
-    to = c;
     rate = params.number("rate");
     return true;
+  }
+
+  /// False where its bulletin ends; there it stands as on the nearest of its days.
+  bool is_known(double t) const noexcept { return !bulletin || bulletin->covers(epoch.tt.after(t)); }
+
+  /// Which body it is, with an orientation beyond iau2006.
+  Celestial body() const noexcept {
+    if (orientation == moon_principal) return Celestial::moon;
+    const std::int64_t i = orientation - of_body;  // those before the Earth are 0 to 3
+    return static_cast<Celestial>(i < static_cast<std::int64_t>(Celestial::earth) ? i : i + 1);
+  }
+};
+
+/// A planet that turns, and where it is.
+struct TurningPlanet : PlanetTurn {
+  double centre[3];  // [m] world axes
+
+  static constexpr cardan_param_desc centre_desc = param::optional("centre", CARDAN_VECTOR, "m", "of the planet, world axes");
+
+  bool pack(const Params& params) {
+    Eigen::Map<Eigen::Vector3d>{centre} = params.vector("centre");
+    return PlanetTurn::pack(params);
   }
 };
 
 /// The axes of a planet at a time, columns in world axes.
 struct PlanetAxes {
   double columns[9];
-  static PlanetAxes at(const TurningPlanet& p, double t) noexcept {
+  static PlanetAxes at(const PlanetTurn& p, double t) noexcept {
     PlanetAxes out{};
-    if (p.of_iau) {
-      std::ranges::copy(earth_axes(p.epoch.tt.after(t), p.epoch.ut1.after(t), p.pole[0], p.pole[1]), out.columns);
+    if (p.orientation != PlanetTurn::mean) {
+      const Days tt = p.epoch.tt.after(t);
+      const auto earth = [&] {
+        if (!p.bulletin) return earth_axes(tt, p.epoch.ut1.after(t), p.pole[0], p.pole[1]);
+        const EarthRotation now = p.bulletin->at(tt);
+        return earth_axes(tt, p.bulletin->ut1(tt), now.x, now.y, now.dX, now.dY);
+      };
+      std::ranges::copy(p.orientation == PlanetTurn::iau2006          ? earth()
+                        : p.orientation == PlanetTurn::moon_principal ? principal_axes_of_moon(tt)
+                                                                      : planet_axes(p.body(), tt),
+                        out.columns);
       return out;
     }
     const double c = std::cos(p.rate * t), s = std::sin(p.rate * t);

@@ -132,8 +132,9 @@ struct Polyhedron {
       TurningPlanet::orientation_desc,
       TurningPlanet::pole_x_desc,
       TurningPlanet::pole_y_desc,
+      TurningPlanet::bulletin_desc,
       TurningPlanet::centre_desc};
-  static constexpr cardan_limit_desc limits[] = {{"surface", 0, "inside of the body"}};
+  static constexpr cardan_limit_desc limits[] = {{"surface", 0, "inside of the body"}, TurningPlanet::bulletin_limit};
 
   static Shape shape_of(const Params& params, std::string& fault) {
     if (params.text("shape")) return Shape::read(params.bytes("shape"), params.number("unit"), fault);
@@ -206,7 +207,7 @@ struct Polyhedron {
 
   static int prepare(const Packed& p, double t, Prepared& out) {
     out = PlanetAxes::at(p.planet, t);
-    return 0;
+    return p.planet.is_known(t) ? 0 : 2;
   }
 
   using V = Eigen::Vector3d;

@@ -30,6 +30,7 @@ struct SphericalHarmonics : HarmonicFamily<SphericalHarmonics> {
       TurningPlanet::orientation_desc,
       TurningPlanet::pole_x_desc,
       TurningPlanet::pole_y_desc,
+      TurningPlanet::bulletin_desc,
       TurningPlanet::centre_desc};
 
   static std::optional<std::vector<Coefficient>> coefficients(const Params& params) {

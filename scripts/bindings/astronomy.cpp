@@ -12,6 +12,7 @@
 #include "plugins/astronomy/celestial.hpp"
 #include "plugins/astronomy/dates.hpp"
 #include "plugins/astronomy/earth.hpp"
+#include "plugins/astronomy/planets.hpp"
 #include "plugins/fields/upper_air.hpp"
 #include "scripts/bindings/bind.hpp"
 #include "scripts/lua/matrix.hpp"
@@ -52,14 +53,17 @@ Epoch epoch_at(lua_State* L, int first, const char* function) {
   return {epoch->tt.after(t), epoch->ut1.after(t)};
 }
 
-template <std::size_t n>
-int choice_at(lua_State* L, int index, const char* function, const char* what, const char* const (&names)[n]) {
-  const std::vector<string> all(names, names + n);
+constexpr const char* kBody = "a celestial body";
+int choice_at(lua_State* L, int index, const char* function, const char* what, const std::vector<string>& all) {
   const char* text = text_at(L, index, function, what);
   const auto at = std::ranges::find(all, string(text));
   if (at == all.end())
     refuse(L, Code::unknown_name, function, fmt::format("{}: {}", what, listed(all)), in_quotes(text), did_you_mean(text, all));
   return static_cast<int>(at - all.begin());
+}
+template <std::size_t n>
+int choice_at(lua_State* L, int index, const char* function, const char* what, const char* const (&names)[n]) {
+  return choice_at(L, index, function, what, std::vector<string>(names, names + n));
 }
 
 int numbers(lua_State* L, const std::array<double, 3>& three) {
@@ -120,12 +124,27 @@ int axes(lua_State* L) {
   const Epoch e = epoch_at(L, 1, "astro.earth_axes");
   const double x = number_at(L, 4, "astro.earth_axes", "polar motion x, a number from -1e-4 to 1e-4 [rad]", 1e-4, 0.0);
   const double y = number_at(L, 5, "astro.earth_axes", "polar motion y, a number from -1e-4 to 1e-4 [rad]", 1e-4, 0.0);
-  const auto columns = earth_axes(e.tt, e.ut1, x, y);
+  const auto offset = [&](int i) {
+    return number_at(L, i, "astro.earth_axes", "what adds to the pole X, Y, a number from -1e-6 to 1e-6 [rad]", 1e-6, 0.0);
+  };
+  const auto columns = earth_axes(e.tt, e.ut1, x, y, offset(6), offset(7));
+  push_matrix(L, Eigen::Map<const Eigen::Matrix3d>(columns.data()));
+  return 1;
+}
+/// (body, date, t) of a body, or of moon_principal.
+int axes_of_body(lua_State* L) {
+  std::vector<string> names(std::begin(kCelestialNames), std::end(kCelestialNames));
+  names.emplace_back("moon_principal");
+  const int body = choice_at(L, 1, "astro.axes", kBody, names);
+  lua_settop(L, 3);
+  const Epoch e = epoch_at(L, 2, "astro.axes");
+  const auto columns = body == static_cast<int>(std::size(kCelestialNames)) ? principal_axes_of_moon(e.tt)
+                       : body == static_cast<int>(Celestial::earth)         ? earth_axes(e.tt, e.ut1, 0.0, 0.0)
+                                                                            : planet_axes(static_cast<Celestial>(body), e.tt);
   push_matrix(L, Eigen::Map<const Eigen::Matrix3d>(columns.data()));
   return 1;
 }
 
-constexpr const char* kBody = "a celestial body";
 int position(lua_State* L) {
   const auto body = static_cast<Celestial>(choice_at(L, 1, "astro.position", kBody, kCelestialNames));
   const auto origin =
@@ -207,6 +226,7 @@ void bind_astronomy(Scenario& s) {
                                                                   {"intermediate_pole", pole},
                                                                   {"precession_nutation", precession_nutation},
                                                                   {"earth_axes", axes},
+                                                                  {"axes", axes_of_body},
                                                                   {"position", position},
                                                                   {"gm", gm},
                                                                   {"nrlmsise00", nrlmsise00},

@@ -217,7 +217,7 @@ TEST(TurningPlanet, HasTheAxesOfTheEarth) {
   const AskedField iau("spherical_harmonics", given, {{"epoch", date}});
   given["rate"] = {0.0};
   EXPECT_EQ(AskedField("spherical_harmonics", given, {{"epoch", date}}).refusal(),
-            "7.292115e-5 rad/s, that of Earth, whose orientation is iau2006");
+            "7.292115e-05 rad/s, that of Earth, whose orientation is iau2006");
   given.erase("pole_x"), given.erase("pole_y"), given.erase("orientation"), given.erase("dut1");
   const AskedField still("spherical_harmonics", given);
   const auto e = Epoch::of(date.c_str(), 0.07);

@@ -39,6 +39,17 @@ local day, part = astro.julian_date("2016-12-31T23:59:60 UTC", "TAI")
 near((day - 2457754.5) + part, 36 / 86400, 1e-12)
 local a, b = astro.position("moon", "2026-11-26T12:00:00 TT"), astro.position("earth", "2026-11-26T12:00:00 TT", 0, "moon")
 for i = 1, 3 do assert(a[i] == -b[i]) end
+-- The pole of Mars by NAIF's kernel, as tests/contract/planets_test.cpp has it; offsets of the Earth's pole tilt its third axis.
+local mars, ra, dec = astro.axes("mars", "2026-06-06T18:00:00 TT"), math.rad(317.652080782716), math.rad(52.8700418683211)
+near(mars[1][3], math.cos(dec) * math.cos(ra), 1e-13)
+near(mars[2][3], math.cos(dec) * math.sin(ra), 1e-13)
+local day_later = astro.axes("mars", "2026-06-06T18:00:00 TT", 86400):column(1):dot(mars:column(1))
+near(day_later, math.cos(math.rad(350.891982)), 1e-7)
+assert((astro.axes("moon_principal", "2026-06-06T18:00:00 TT") - astro.axes("moon", "2026-06-06T18:00:00 TT")):norm() > 5e-4)
+local plain, moved = astro.earth_axes "2026-11-26T12:00:00", astro.earth_axes("2026-11-26T12:00:00", 0, 0, 0, 0, 2e-9, -1e-9)
+assert((plain - astro.axes("earth", "2026-11-26T12:00:00")):norm() == 0)
+near(moved[1][3] - plain[1][3], 2e-9, 1e-14)
+near(moved[2][3] - plain[2][3], -1e-9, 1e-14)
 )");
   EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
 }
@@ -56,6 +67,8 @@ TEST(Astro, RefusesWhatHasNoMeaning) {
       {"astro.earth_rotation_angle('2026-11-26T12:00:00', 0, 5)", "UT1 - UTC, a number from -1 to 1 [s]"},
       {"astro.julian_date('2026-11-26T12:00:00', 'UT1', 5)", "UT1 - UTC, a number from -1 to 1 [s]"},
       {"astro.earth_axes('2026-11-26T12:00:00', 0, 0, 0.2)", "polar motion x, a number from -1e-4 to 1e-4 [rad]"},
+      {"astro.earth_axes('2026-11-26T12:00:00', 0, 0, 0, 0, 1e-3)", "what adds to the pole X, Y, a number from -1e-6 to 1e-6 [rad]"},
+      {"astro.axes('pluto', '2026-11-26T12:00:00')", "a celestial body: sun, moon"},
       {"astro.from_geodetic(0, 1.6, 0)", "latitude from -pi/2 to pi/2 [rad]"},
       {"astro.geodetic { 1 / 0, 0, 0 }", "a place [m], finite numbers"},
   };

@@ -1058,8 +1058,17 @@ function astro.precession_nutation(date, t) end
 ---@param dut1? number [s]
 ---@param x? number polar motion [rad]
 ---@param y? number polar motion [rad]
+---@param dX? number what observation adds to the celestial pole [rad]
+---@param dY? number the same [rad]
 ---@return Matrix axes
-function astro.earth_axes(date, t, dut1, x, y) end
+function astro.earth_axes(date, t, dut1, x, y, dX, dY) end
+--- The axes of a celestial body as columns: along its prime meridian, east of it, along its axis; of the IAU's report of 2015, of the Earth
+--- those of earth_axes; moon_principal: the principal axes of the Moon.
+---@param body "sun"|"moon"|"mercury"|"venus"|"earth"|"mars"|"jupiter"|"saturn"|"uranus"|"neptune"|"moon_principal"
+---@param date string
+---@param t? number [s]
+---@return Matrix axes
+function astro.axes(body, date, t) end
 --- Where a celestial body is, as the fields third_body and sunlight have it.
 ---@param body "sun"|"moon"|"mercury"|"venus"|"earth"|"mars"|"jupiter"|"saturn"|"uranus"|"neptune"
 ---@param date string
