@@ -500,12 +500,9 @@ SystemModes closed_system_modes(const TreeOperators& tree, const MatrixXd& X, co
   });
 }
 
-std::vector<Pole> poles(const Eigen::MatrixXd& A) {
+/// By rising frequency; `rounding`: what is below it [rad/s] is zero.
+static std::vector<Pole> in_order(const Eigen::VectorXcd& values, double rounding) {
   std::vector<Pole> out;
-  if (A.size() == 0) return out;
-  const Eigen::VectorXcd values = eigenvalues(A);
-  // A rigid-body mode is a double zero, which rounding of A takes apart into poles of sqrt(eps |A|) anywhere about the origin.
-  const double rounding = 4.0 * std::sqrt(std::numeric_limits<double>::epsilon() * A.norm());
   for (const std::complex<double>& s : values) {
     const double size = std::abs(s);
     out.push_back({s, size / (2.0 * std::numbers::pi), size > rounding ? -s.real() / size : 0.0});
@@ -514,6 +511,17 @@ std::vector<Pole> poles(const Eigen::MatrixXd& A) {
     return a.frequency != b.frequency ? a.frequency < b.frequency : a.value.imag() > b.value.imag();
   });
   return out;
+}
+
+// A rigid-body mode is a double zero, which rounding of A takes apart into poles of sqrt(eps |A|) anywhere about the origin.
+std::vector<Pole> poles(const Eigen::MatrixXd& A) {
+  return in_order(eigenvalues(A), 4.0 * std::sqrt(std::numeric_limits<double>::epsilon() * A.norm()));
+}
+
+std::vector<Pole> poles(const Eigen::MatrixXd& A, double dt) {
+  Eigen::VectorXcd values = eigenvalues(A);
+  for (std::complex<double>& z : values) z = std::log(z) / dt;
+  return in_order(values, 4.0 * std::sqrt(std::numeric_limits<double>::epsilon() * A.norm()) / dt);
 }
 
 }  // namespace cardan::operators

@@ -56,5 +56,7 @@ struct Pole {
 };
 /// Eigenvalues of A (square), by rising frequency, of a pair the one above the real axis first.
 std::vector<Pole> poles(const Eigen::MatrixXd& A);
+/// Of x+ = A x at ticks dt apart: log z / dt, -inf of z = 0.
+std::vector<Pole> poles(const Eigen::MatrixXd& A, double dt);
 
 }  // namespace cardan::operators

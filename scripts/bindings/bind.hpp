@@ -14,6 +14,7 @@ void bind_initial(Scenario&);
 void bind_declarations(Scenario&);   // controller, phase, event, check, figure, signals, stop
 void bind_script_device(Scenario&);  // device
 void bind_astronomy(Scenario&);      // astro
+void bind_control(Scenario&);        // control
 void bind_handles(Scenario&);        // bodies, hinges, modes, nodes, loads
 
 /// Pushes the handle of the vehicle.

@@ -16,22 +16,6 @@ void push_texts(lua_State* L, const std::vector<std::string>& texts) {
     lua_rawseti(L, -2, static_cast<lua_Integer>(i) + 1);
   }
 }
-void push_poles(lua_State* L, const Eigen::MatrixXd& A) {
-  const std::vector<operators::Pole> all = operators::poles(A);
-  lua_createtable(L, static_cast<int>(all.size()), 0);
-  for (std::size_t i = 0; i < all.size(); ++i) {
-    lua_createtable(L, 0, 4);
-    for (const auto& [key, value] : {std::pair{"re", all[i].value.real()},
-                                     {"im", all[i].value.imag()},
-                                     {"frequency", all[i].frequency},
-                                     {"damping", all[i].damping}}) {
-      lua_pushnumber(L, value);
-      lua_setfield(L, -2, key);
-    }
-    lua_rawseti(L, -2, static_cast<lua_Integer>(i) + 1);
-  }
-}
-
 /// The table of a model that `make` makes of the argument at index 2; nv: of what it is of.
 template <class Make>
 int push_linear(lua_State* L, const Model& m, int nv, const OperatingState& at, const Make& make) {
@@ -68,12 +52,27 @@ int push_linear(lua_State* L, const Model& m, int nv, const OperatingState& at, 
   push_texts(L, linear.inputs.units), set(L, "input_units");
   push_texts(L, linear.outputs.names), set(L, "output_names");
   push_texts(L, linear.outputs.units), set(L, "output_units");
-  push_poles(L, linear.A), set(L, "poles");
+  push_poles(L, operators::poles(linear.A)), set(L, "poles");
   lua_pushnumber(L, linear.t), set(L, "t");
   return 1;
 }
 
 }  // namespace
+
+void push_poles(lua_State* L, const std::vector<operators::Pole>& all) {
+  lua_createtable(L, static_cast<int>(all.size()), 0);
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    lua_createtable(L, 0, 4);
+    for (const auto& [key, value] : {std::pair{"re", all[i].value.real()},
+                                     {"im", all[i].value.imag()},
+                                     {"frequency", all[i].frequency},
+                                     {"damping", all[i].damping}}) {
+      lua_pushnumber(L, value);
+      lua_setfield(L, -2, key);
+    }
+    lua_rawseti(L, -2, static_cast<lua_Integer>(i) + 1);
+  }
+}
 
 int linear_model(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
   return push_linear(L, tree.model(), tree.size(Space::hinge), at,

@@ -1096,6 +1096,56 @@ function astro.geodetic(place) end
 ---@return number[] place axes of the Earth [m]
 function astro.from_geodetic(longitude, latitude, height) end
 
+--- Feedback and filters of linear models: matrices as of linearize, weights as a symmetric matrix, a list of its diagonal, or one number.
+---@class Control
+control = {}
+--- The regulator u = -K x of x' = A x + B u with the least integral of x* Q x + u* R u.
+---@param A Matrix
+---@param B Matrix
+---@param Q Matrix|number[]|number
+---@param R Matrix|number[]|number
+---@return Matrix K
+---@return Matrix X of the equation of Riccati: x* X x is what is to be paid from x on
+function control.lqr(A, B, Q, R) end
+--- The same of x+ = A x + B u at ticks.
+---@param A Matrix
+---@param B Matrix
+---@param Q Matrix|number[]|number
+---@param R Matrix|number[]|number
+---@return Matrix K
+---@return Matrix X
+function control.dlqr(A, B, Q, R) end
+--- The filter z' = A z + B u + L (y - C z) of x' = A x + B u + w, y = C x + v, with white noise of densities W, V.
+---@param A Matrix
+---@param C Matrix
+---@param W Matrix|number[]|number
+---@param V Matrix|number[]|number
+---@return Matrix L
+---@return Matrix P covariance of z - x
+function control.kalman(A, C, W, V) end
+--- The filter at ticks: z = z + L (y - C z) at a reading, then z = A z + B u to the next; W, V are covariances.
+---@param A Matrix
+---@param C Matrix
+---@param W Matrix|number[]|number
+---@param V Matrix|number[]|number
+---@return Matrix L
+---@return Matrix P covariance of z - x before a reading
+function control.dkalman(A, C, W, V) end
+--- x' = A x + B u + w between two ticks, with u constant and noise w of density W.
+---@param A Matrix
+---@param B Matrix
+---@param dt number [s]
+---@param W? Matrix|number[]|number
+---@return Matrix Ad
+---@return Matrix Bd
+---@return Matrix? Wd covariance of the noise from one tick to the next
+function control.discretise(A, B, dt, W) end
+--- Eigenvalues of A, of x+ = A x where dt is told, as the motions that belong to them.
+---@param A Matrix
+---@param dt? number [s]
+---@return { re: number, im: number, frequency: number, damping: number }[] poles rising; re, im in rad/s, frequency in Hz, damping of critical
+function control.poles(A, dt) end
+
 vec = require "cardan.vec"
 quat = require "cardan.quat"
 allocation = require "cardan.allocation"

@@ -1,0 +1,116 @@
+#include "core/linalg/riccati.hpp"
+
+#include <Eigen/Dense>
+#include <algorithm>
+#include <cmath>
+#include <unsupported/Eigen/MatrixFunctions>
+
+#include "core/linalg/dense.hpp"
+
+namespace cardan {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+constexpr int kMostDoublings = 60;
+constexpr double kRounding = 1e-15, kResidual = 1e-8;
+
+MatrixXd symmetric(const MatrixXd& A) { return 0.5 * (A + A.transpose()); }
+
+/// The stabilising H of H = A* H (1 + G H)^-1 A + H0 by doubling (Chu, Fan, Lin, Wang 2004): after k rounds the cost of 2^k steps.
+std::optional<MatrixXd> doubled(MatrixXd A, MatrixXd G, MatrixXd H) {
+  const MatrixXd one = MatrixXd::Identity(A.rows(), A.cols());
+  for (int k = 0; k < kMostDoublings; ++k) {
+    const LuSolution left = lu_solve(one + G * H, A);  // (1 + G H)^-1 A
+    if (!(left.rcond > 0.0)) return {};
+    const MatrixXd more = symmetric(A.transpose() * H * left.x);
+    G = symmetric(G + A * lu_solve(one + G * H, G).x * A.transpose());
+    A = (A * left.x).eval();
+    H += more;
+    if (!H.allFinite() || !G.allFinite()) return {};
+    if (more.norm() <= kRounding * H.norm()) return H;
+  }
+  return {};
+}
+
+/// P of A* P + P A + Q = 0 with A stable, by Cayley's transform and doubling (Smith 1968).
+std::optional<MatrixXd> lyapunov(const MatrixXd& A, const MatrixXd& Q, double shift) {
+  const MatrixXd one = MatrixXd::Identity(A.rows(), A.cols()), inverse = lu_solve(A - shift * one, one).x;
+  return doubled(one + 2.0 * shift * inverse, MatrixXd::Zero(A.rows(), A.cols()),
+                 symmetric(2.0 * shift * inverse.transpose() * Q * inverse));
+}
+
+/// The shift that halves the way, in powers, between the nearest and the farthest eigenvalue.
+double shift_between(const Eigen::VectorXcd& values) {
+  double least = 1e300, most = 0.0;
+  for (const auto& z : values) least = std::min(least, std::abs(z)), most = std::max(most, std::abs(z));
+  return std::sqrt(std::max(least, 1e-8 * most) * most);
+}
+
+}  // namespace
+
+std::optional<Riccati> continuous_riccati(const MatrixXd& A, const MatrixXd& B, const MatrixXd& Q, const MatrixXd& R) {
+  const Index n = A.rows();
+  const auto L = cholesky(R);
+  if (!L) return {};
+  const MatrixXd gain = cholesky_solve(*L, B.transpose()), G = symmetric(B * gain), one = MatrixXd::Identity(n, n);
+  MatrixXd hamiltonian(2 * n, 2 * n);
+  hamiltonian << A, -G, -Q, -A.transpose();
+  const Eigen::VectorXcd values = eigenvalues(hamiltonian);
+  const double shift = shift_between(values);
+  if (!(shift > 0.0 && std::isfinite(shift))) return {};
+  const MatrixXd shifted = A - shift * one, inverse = lu_solve(shifted, one).x;
+  const MatrixXd W = lu_solve(shifted.transpose() + Q * inverse * G, one).x;  // (A_s* + Q A_s^-1 G)^-1
+  const auto X0 =
+      doubled(one + 2.0 * shift * W.transpose(), symmetric(2.0 * shift * inverse * G * W), symmetric(2.0 * shift * W * Q * inverse));
+  if (!X0) return {};
+  MatrixXd X = *X0;
+  const auto equation = [&] { return symmetric(A.transpose() * X + X * A - X * G * X + Q); };
+  const auto size = [&] { return 2.0 * (X * A).norm() + (X * G * X).norm() + Q.norm(); };
+  for (int i = 0; i < 2; ++i)  // Newton (Kleinman 1968)
+    if (const auto more = lyapunov(A - G * X, equation(), shift)) {
+      const MatrixXd before = X;
+      const double was = equation().norm();
+      X += *more;
+      if (!(equation().norm() < was)) {
+        X = before;
+        break;
+      }
+    }
+  const double residual = equation().norm() / size();
+  const MatrixXd K = gain * X;
+  const Eigen::VectorXcd closed = eigenvalues(A - B * K);
+  if (!(residual <= kResidual) || !(closed.real().maxCoeff() < 0.0)) return {};
+  return Riccati{X, K, residual};
+}
+
+std::optional<Riccati> discrete_riccati(const MatrixXd& A, const MatrixXd& B, const MatrixXd& Q, const MatrixXd& R) {
+  const auto L = cholesky(R);
+  if (!L) return {};
+  const auto X = doubled(A, symmetric(B * cholesky_solve(*L, B.transpose())), Q);
+  if (!X) return {};
+  const MatrixXd XA = *X * A, XB = *X * B;
+  const auto inner = cholesky(symmetric(R + B.transpose() * XB));
+  if (!inner) return {};
+  const MatrixXd K = cholesky_solve(*inner, B.transpose() * XA);
+  const MatrixXd cost = A.transpose() * XA;
+  const double residual = (cost - XA.transpose() * B * K + Q - *X).norm() / (cost.norm() + Q.norm() + X->norm());
+  if (!(residual <= kResidual) || !(eigenvalues(A - B * K).cwiseAbs().maxCoeff() < 1.0)) return {};
+  return Riccati{*X, K, residual};
+}
+
+MatrixXd exponential(const MatrixXd& A) { return A.exp(); }
+
+Discretised discretised(const MatrixXd& A, const MatrixXd& B, const MatrixXd& W, double dt) {
+  const Index n = A.rows(), m = B.cols();
+  MatrixXd both = MatrixXd::Zero(n + m, n + m), noise(2 * n, 2 * n);
+  both.topRows(n) << A * dt, B * dt;
+  const MatrixXd step = exponential(both);
+  const MatrixXd Ad = step.topLeftCorner(n, n);
+  noise << -A * dt, W * dt, MatrixXd::Zero(n, n), A.transpose() * dt;
+  const MatrixXd spread = exponential(noise);
+  return {Ad, step.topRightCorner(n, m), symmetric(Ad * spread.topRightCorner(n, n))};
+}
+
+}  // namespace cardan

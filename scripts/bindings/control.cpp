@@ -1,0 +1,161 @@
+// control: feedback and filters of linear models by the equations of Riccati.
+#include <fmt/format.h>
+
+#include <cmath>
+#include <string>
+
+#include "core/linalg/dense.hpp"
+#include "core/linalg/riccati.hpp"
+#include "scripts/bindings/bind.hpp"
+#include "scripts/bindings/linear.hpp"
+#include "scripts/lua/matrix.hpp"
+
+namespace cardan {
+namespace {
+
+using Eigen::Index;
+using Eigen::MatrixXd;
+
+/// Who asks, what it calls the matrices, and what is done about each argument that does not fit.
+struct Asked {
+  lua_State* L;
+  const char* function;
+
+  [[noreturn]] void refuse_it(const std::string& expected, const std::string& got, const char* hint = "") const {
+    refuse(L, Code::lua_argument, function, expected, got, hint);
+  }
+  MatrixXd matrix(int index, Index rows, Index cols, const char* what) const {
+    const MatrixXd A = to_matrix(L, index, rows, cols, fmt::format("{} of {}", what, function));
+    if (!A.allFinite()) refuse_it(fmt::format("{}: a matrix of finite numbers", what), "one that is not finite");
+    return A;
+  }
+  /// A weight or a density: a symmetric matrix, a list of what stands on its diagonal, or a number for all of that.
+  MatrixXd weight(int index, Index n, const char* what, bool positive) const {
+    MatrixXd W;
+    if (lua_type(L, index) == LUA_TNUMBER) {
+      W = lua_tonumber(L, index) * MatrixXd::Identity(n, n);
+    } else if (is_vector(L, index) || is_list_of_numbers(index)) {
+      W = to_vector(L, index, n, fmt::format("{} of {}, the diagonal", what, function)).asDiagonal();
+    } else {
+      W = matrix(index, n, n, what);
+    }
+    const double size = W.norm();
+    if (!std::isfinite(size) || !((W - W.transpose()).norm() <= 1e-12 * size))
+      refuse_it(fmt::format("{}: a symmetric matrix", what), "one that is not");
+    W = (0.5 * (W + W.transpose())).eval();
+    if (n == 0) return W;
+    const double least = symmetric_eigenvalues(W)[0];
+    if (positive ? !(least > 1e-15 * size) : !(least >= -1e-12 * size))
+      refuse_it(fmt::format("{}: a matrix whose eigenvalues are {}", what, positive ? "above 0" : "not below 0"),
+                fmt::format("{:g}", least));
+    return W;
+  }
+  void charge(Index n) const { LuaHost::charge(L, 200 * n * n * n); }
+
+ private:
+  bool is_list_of_numbers(int index) const {
+    if (!lua_istable(L, index)) return false;
+    lua_rawgeti(L, index, 1);
+    const bool is_number = lua_type(L, -1) == LUA_TNUMBER;
+    lua_pop(L, 1);
+    return is_number;
+  }
+};
+
+/// Names alone: of a gain, what its units are made of is not told.
+Labels names_of(Labels labels) {
+  labels.units.clear();
+  return labels;
+}
+
+using Solve = std::optional<Riccati> (*)(const MatrixXd&, const MatrixXd&, const MatrixXd&, const MatrixXd&);
+
+/// (A, B, Q, R) -> K, X.
+int regulator(lua_State* L, const char* function, Solve solve) {
+  const Asked asked{L, function};
+  const MatrixXd A = asked.matrix(1, kAnySize, kAnySize, "A");
+  const Index n = A.rows();
+  if (A.cols() != n) asked.refuse_it("A: a square matrix", fmt::format("{} x {}", n, A.cols()));
+  const MatrixXd B = asked.matrix(2, n, kAnySize, "B"), Q = asked.weight(3, n, "Q", false), R = asked.weight(4, B.cols(), "R", true);
+  asked.charge(n);
+  const auto found = solve(A, B, Q, R);
+  if (!found)
+    asked.refuse_it("A, B and Q by which feedback can stabilise what they see", "no solution",
+                    "a mode that does not decay, and that no column of B moves or no weight of Q sees? control.poles tells them; leave "
+                    "such states out");
+  push_matrix(L, found->K, names_of(column_labels(L, 2)), names_of(column_labels(L, 1)));
+  push_matrix(L, found->X, names_of(column_labels(L, 1)), names_of(column_labels(L, 1)));
+  return 2;
+}
+int lqr(lua_State* L) { return regulator(L, "control.lqr", continuous_riccati); }
+int dlqr(lua_State* L) { return regulator(L, "control.dlqr", discrete_riccati); }
+
+/// (A, C, W, V) -> gain, covariance: the regulator of (A*, C*). In ticks the gain is that of the correction by a reading.
+int filter(lua_State* L, const char* function, Solve solve, bool in_ticks) {
+  const Asked asked{L, function};
+  const MatrixXd A = asked.matrix(1, kAnySize, kAnySize, "A");
+  const Index n = A.rows();
+  if (A.cols() != n) asked.refuse_it("A: a square matrix", fmt::format("{} x {}", n, A.cols()));
+  const MatrixXd C = asked.matrix(2, kAnySize, n, "C"), W = asked.weight(3, n, "W", false), V = asked.weight(4, C.rows(), "V", true);
+  asked.charge(n);
+  const auto found = solve(A.transpose(), C.transpose(), W, V);
+  if (!found)
+    asked.refuse_it(
+        "A, C and W by which a filter can follow what they show", "no solution",
+        "a mode that does not decay, and that no row of C shows or no noise of W moves? control.poles tells them; leave such states out");
+  const MatrixXd& P = found->X;
+  const MatrixXd gain =
+      in_ticks ? symmetric_solve(C * P * C.transpose() + V, MatrixXd(C * P)).transpose().eval() : found->K.transpose().eval();
+  push_matrix(L, gain, names_of(column_labels(L, 1)), names_of(row_labels(L, 2)));
+  push_matrix(L, P, names_of(column_labels(L, 1)), names_of(column_labels(L, 1)));
+  return 2;
+}
+int kalman(lua_State* L) { return filter(L, "control.kalman", continuous_riccati, false); }
+int dkalman(lua_State* L) { return filter(L, "control.dkalman", discrete_riccati, true); }
+
+double period(lua_State* L, int index, const char* function) {
+  const double dt = lua_type(L, index) == LUA_TNUMBER ? lua_tonumber(L, index) : std::nan("");
+  if (!(dt > 0.0 && std::isfinite(dt))) refuse(L, Code::lua_argument, function, "dt: a time above 0 [s]", describe_value(L, index));
+  return dt;
+}
+
+/// (A, B, dt, W) -> Ad, Bd, Wd.
+int discretise(lua_State* L) {
+  const Asked asked{L, "control.discretise"};
+  const MatrixXd A = asked.matrix(1, kAnySize, kAnySize, "A");
+  const Index n = A.rows();
+  if (A.cols() != n) asked.refuse_it("A: a square matrix", fmt::format("{} x {}", n, A.cols()));
+  const MatrixXd B = asked.matrix(2, n, kAnySize, "B");
+  const double dt = period(L, 3, asked.function);
+  const bool noisy = !lua_isnoneornil(L, 4);
+  const MatrixXd W = noisy ? asked.weight(4, n, "W", false) : MatrixXd::Zero(n, n);
+  asked.charge(n);
+  const Discretised step = discretised(A, B, W, dt);
+  if (!step.A.allFinite() || !step.B.allFinite() || !step.W.allFinite())
+    asked.refuse_it("a system that stays within the range of numbers over dt", "one that overflows", "is dt in seconds?");
+  push_matrix(L, step.A, names_of(column_labels(L, 1)), column_labels(L, 1));
+  push_matrix(L, step.B, names_of(column_labels(L, 1)), column_labels(L, 2));
+  if (!noisy) return 2;
+  push_matrix(L, step.W, names_of(column_labels(L, 1)), names_of(column_labels(L, 1)));
+  return 3;
+}
+
+/// (A, dt): of x' = A x, or with dt of x+ = A x, as the motions that it goes through.
+int poles_of(lua_State* L) {
+  const Asked asked{L, "control.poles"};
+  const MatrixXd A = asked.matrix(1, kAnySize, kAnySize, "A");
+  if (A.cols() != A.rows()) asked.refuse_it("A: a square matrix", fmt::format("{} x {}", A.rows(), A.cols()));
+  asked.charge(A.rows());
+  push_poles(L, lua_isnoneornil(L, 2) ? operators::poles(A) : operators::poles(A, period(L, 2, asked.function)));
+  return 1;
+}
+
+}  // namespace
+
+void bind_control(Scenario& s) {
+  constexpr std::pair<const char*, lua_CFunction> kFunctions[] = {
+      {"lqr", lqr}, {"dlqr", dlqr}, {"kalman", kalman}, {"dkalman", dkalman}, {"discretise", discretise}, {"poles", poles_of}};
+  for (const auto& [name, function] : kFunctions) s.lua.bind(std::string("control.") + name, function);
+}
+
+}  // namespace cardan

@@ -1,0 +1,119 @@
+#include "core/linalg/riccati.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+#include "core/linalg/dense.hpp"
+
+namespace cardan::test {
+namespace {
+
+using Eigen::MatrixXd;
+
+MatrixXd random_matrix(std::mt19937_64& rng, int rows, int cols) {
+  std::normal_distribution<double> normal;
+  return MatrixXd::NullaryExpr(rows, cols, [&] { return normal(rng); });
+}
+
+/// Examples 1 and 2 of Benner, Laub, Mehrmann (1995, CAREX) and example 1 of their DAREX, which have closed solutions.
+TEST(Riccati, HasTheClosedSolutionsOfItsBenchmarks) {
+  MatrixXd A(2, 2), B(2, 1), Q(2, 2);
+  const MatrixXd R = MatrixXd::Ones(1, 1);
+  A << 0, 1, 0, 0;
+  B << 0, 1;
+  Q << 1, 0, 0, 2;
+  MatrixXd X(2, 2);
+  X << 2, 1, 1, 2;
+  const auto first = continuous_riccati(A, B, Q, R);
+  ASSERT_TRUE(first);
+  EXPECT_LE((first->X - X).norm(), 1e-14);
+  EXPECT_LE((first->K - X.row(1)).norm(), 1e-14);
+  A << 4, 3, -4.5, -3.5;
+  B << 1, -1;
+  Q << 9, 6, 6, 4;  // of rank 1
+  EXPECT_LE((continuous_riccati(A, B, Q, R)->X - (1.0 + std::sqrt(2.0)) * Q).norm(), 1e-11);
+  EXPECT_LE((discrete_riccati(A, B, Q, R)->X - 0.5 * (1.0 + std::sqrt(5.0)) * Q).norm(), 1e-11);
+}
+
+/// The equation as it is written, and a closed system that is stable; of its solutions that one alone makes it so.
+TEST(Riccati, IsSolvedByWhatStabilises) {
+  std::mt19937_64 rng(7);
+  for (int trial = 0; trial < 40; ++trial) {
+    const int n = 1 + trial % 9, m = 1 + trial % 3;
+    const MatrixXd A = random_matrix(rng, n, n), B = random_matrix(rng, n, m), C = random_matrix(rng, 2, n), r = random_matrix(rng, m, m);
+    const MatrixXd Q = C.transpose() * C, R = r * r.transpose() + 0.1 * MatrixXd::Identity(m, m);
+    const auto c = continuous_riccati(A, B, Q, R);
+    ASSERT_TRUE(c) << trial;
+    const MatrixXd G = B * inverse(R) * B.transpose(), left = A.transpose() * c->X + c->X * A - c->X * G * c->X + Q;
+    const double x = c->X.norm();  // rounding is that of products, of which little may be left
+    EXPECT_LE(left.norm(), 1e-13 * (2.0 * x * A.norm() + x * x * G.norm() + Q.norm())) << trial;
+    EXPECT_LE((c->K - inverse(R) * B.transpose() * c->X).norm(), 1e-11 * c->K.norm()) << trial;
+    for (const auto& s : eigenvalues(A - B * c->K)) EXPECT_LT(s.real(), 0.0) << trial;
+    const auto d = discrete_riccati(A, B, Q, R);
+    ASSERT_TRUE(d) << trial;
+    const MatrixXd inner = inverse(R + B.transpose() * d->X * B), across = A.transpose() * d->X * B;
+    EXPECT_LE((A.transpose() * d->X * A - across * inner * across.transpose() + Q - d->X).norm(),
+              1e-11 * d->X.norm() * (1.0 + A.squaredNorm()))
+        << trial;
+    for (const auto& z : eigenvalues(A - B * d->K)) EXPECT_LT(std::abs(z), 1.0) << trial;
+  }
+}
+
+/// A spacecraft: rigid, with modes from 0.01 to 100 Hz that hardly decay.
+TEST(Riccati, TakesModesFarApart) {
+  constexpr int kModes = 5, n = 2 * (kModes + 1);
+  MatrixXd A = MatrixXd::Zero(n, n), B = MatrixXd::Zero(n, 1), Q = MatrixXd::Zero(n, n);
+  for (int k = 0; k <= kModes; ++k) {
+    const double w = k == 0 ? 0.0 : 2.0 * M_PI * std::pow(10.0, k - 3);
+    A(k, kModes + 1 + k) = 1.0;
+    A(kModes + 1 + k, k) = -w * w, A(kModes + 1 + k, kModes + 1 + k) = -2e-4 * w;
+    B(kModes + 1 + k, 0) = k == 0 ? 1e-3 : 1e-4 * k;
+    Q(k, k) = 1.0 + w * w, Q(kModes + 1 + k, kModes + 1 + k) = 1.0;
+  }
+  const MatrixXd R = 1e-6 * MatrixXd::Ones(1, 1);
+  const auto found = continuous_riccati(A, B, Q, R);
+  ASSERT_TRUE(found);
+  EXPECT_LE(found->residual, 1e-12);
+  const Discretised step = discretised(A, B, MatrixXd::Zero(n, n), 0.01);
+  EXPECT_TRUE(discrete_riccati(step.A, step.B, Q, R));
+}
+
+TEST(Riccati, HasNoSolutionWhereNothingStabilises) {
+  MatrixXd A(2, 2), B(2, 1);
+  A << 0.5, 0, 0, -1;  // unstable, not moved
+  B << 0, 1;
+  const MatrixXd one = MatrixXd::Ones(1, 1);
+  EXPECT_FALSE(continuous_riccati(A, B, MatrixXd::Identity(2, 2), one));
+  A(0, 0) = 1.5, A(1, 1) = 0.5;
+  EXPECT_FALSE(discrete_riccati(A, B, MatrixXd::Identity(2, 2), one));
+  A << 0, 1, 0, 0;  // a drift that is not seen
+  Eigen::Matrix2d Q;
+  Q << 0, 0, 0, 1;
+  EXPECT_FALSE(continuous_riccati(A, B, Q, one));
+  A << 0, 1, -4, 0;  // an oscillation that is neither
+  EXPECT_FALSE(continuous_riccati(A, MatrixXd::Zero(2, 1), MatrixXd::Identity(2, 2), one));
+  EXPECT_FALSE(continuous_riccati(A, B, MatrixXd::Identity(2, 2), -one));
+}
+
+/// An oscillator and a double integrator in closed form; noise of a random walk of a rate.
+TEST(Discretised, IsTheMotionBetweenTwoTicks) {
+  const double w = 3.0, dt = 0.4, c = std::cos(w * dt), s = std::sin(w * dt);
+  MatrixXd A(2, 2), B(2, 1), W = MatrixXd::Zero(2, 2), Ad(2, 2), Bd(2, 1), Wd(2, 2);
+  A << 0, 1, -w * w, 0;
+  B << 0, 2;
+  Ad << c, s / w, -w * s, c;
+  Bd << 2.0 * (1.0 - c) / (w * w), 2.0 * s / w;
+  const Discretised step = discretised(A, B, W, dt);
+  EXPECT_LE((step.A - Ad).norm(), 1e-14);
+  EXPECT_LE((step.B - Bd).norm(), 1e-14);
+  EXPECT_EQ(step.W.norm(), 0.0);
+  A << 0, 1, 0, 0;
+  W(1, 1) = 5.0;
+  Wd << dt * dt * dt / 3.0, dt * dt / 2.0, dt * dt / 2.0, dt;
+  EXPECT_LE((discretised(A, B, W, dt).W - 5.0 * Wd).norm(), 1e-14);
+}
+
+}  // namespace
+}  // namespace cardan::test

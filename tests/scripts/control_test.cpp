@@ -1,0 +1,89 @@
+// control in scripts: gains of linear models, and what is refused.
+#include <gtest/gtest.h>
+
+#include "tests/scripts/run_program.hpp"
+
+namespace cardan {
+namespace {
+
+/// A hub that a motor turns, and a boom on a spring.
+void write_vehicle(const TemporaryFolder& dir) {
+  write(dir / "vehicle.yaml", R"(cardan: 1
+bodies:
+  hub: {mass: 100, inertia: [30, 30, 30], hinge: {type: revolute, to: world, axis: [0, 0, 1]}}
+  boom: {mass: 5, com: [1, 0, 0], inertia: [0.1, 2, 2], hinge: {type: revolute, to: hub, axis: [0, 0, 1], spring: {stiffness: 20, damping: 0.2}}}
+)");
+}
+Finished run_script(const TemporaryFolder& dir, const char* command, const std::string& script) {
+  write_vehicle(dir);
+  write(dir / "scenario.lua", "local sat = vehicle 'vehicle.yaml'\n" + script);
+  return run_program({command, "."}, dir.path());
+}
+
+/// Gains designed by the linear model of the vehicle close the loop of the vehicle: ten seconds of small motion are powers of Ad - Bd K,
+/// with the signs, names and units that the model has. A filter's gain is that of the dual regulator.
+TEST(Control, ClosesTheLoopThatItDesigned) {
+  const TemporaryFolder dir;
+  const Finished run = run_script(dir, "run", R"(
+mission { duration = 10, output = { rate = "10 Hz" }, integrator = { relative = 1e-11, absolute = 1e-16 } }
+initial { hub = { angle = "2e-6 rad", rate = "0 rad/s" }, boom = { angle = "-1e-6 rad", rate = "3e-6 rad/s" } }
+local dt, model = 0.1, sat:linearize { inputs = { "hub.angle" }, outputs = { "hub.angle" } }
+local Ad, Bd = control.discretise(model.A, model.B, dt)
+local K, X = control.dlqr(Ad, Bd, { 1, 1, 1, 1 }, 1e-3)
+assert(K:rows() == 1 and K:cols() == 4 and K["hub.angle"]["boom.rate"] == K[1][4])
+assert(((Ad - Bd * K):t() * X * (Ad - Bd * K) + matrix { { 1, 0, 0, 0 }, { 0, 1, 0, 0 }, { 0, 0, 1, 0 }, { 0, 0, 0, 1 } } + 1e-3 * K:t() * K - X):norm() < 1e-10 * X:norm())
+for _, pole in ipairs(control.poles(Ad - Bd * K, dt)) do assert(pole.re < 0 and pole.damping > 0) end
+local known, again = control.poles(model.A), control.poles(Ad, dt)
+assert(#known == 4 and math.abs(known[4].frequency - again[4].frequency) < 1e-9 and math.abs(known[4].damping - again[4].damping) < 1e-9)
+
+local L, P = control.kalman(model.A, model.C, { 0, 0, 1e-4, 1e-4 }, { 1e-6 })
+local LT, PT = control.lqr(model.A:t(), model.C:t(), { 0, 0, 1e-4, 1e-4 }, 1e-6)
+assert((L - LT:t()):norm() <= 1e-13 * L:norm() and (P - PT):norm() <= 1e-13 * P:norm())
+local M, Pd = control.dkalman(Ad, model.C, { 0, 0, 1e-4, 1e-4 }, 1e-6)  -- P C' (C P C' + V)^-1, P before a reading
+local s = Pd[1][1] + 1e-6
+for i = 1, 4 do assert(math.abs(M[i][1] - Pd[i][1] / s) < 1e-12) end
+local after = Pd - M * (model.C * Pd)
+assert((Ad * after * Ad:t() + matrix { { 0, 0, 0, 0 }, { 0, 0, 0, 0 }, { 0, 0, 1e-4, 0 }, { 0, 0, 0, 1e-4 } } - Pd):norm() < 1e-10 * Pd:norm())
+
+local hub, boom = sat:hinge "hub", sat:hinge "boom"
+local function state() return vector { hub:angle(), boom:angle(), hub:rate(), boom:rate() } end
+local x = vector { 2e-6, -1e-6, 0, 3e-6 }
+controller { name = "regulator", rate = "10 Hz", step = function(t)
+  if t > 0 then x = (Ad - Bd * K) * x end
+  hub:torque(-(K * state())[1])
+end }
+check { name = "as designed", value = function() return (state() - x):norm() / 2e-6 end, below = 1e-6 }
+check { name = "it moved", value = function() return x:norm() / 2e-6 end, within = { 1e-4, 0.8 } }
+)");
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
+TEST(Control, RefusesWhatHasNoMeaning) {
+  struct {
+    const char *call, *expected;
+  } constexpr kRefused[] = {
+      {"control.lqr(matrix{{0, 1}}, matrix{{1}}, 1, 1)", "A: a square matrix"},
+      {"control.lqr(matrix{{0, 1}, {0, 0}}, matrix{{1}}, 1, 1)", "B of control.lqr"},
+      {"control.lqr(matrix{{0, 1}, {0, 0}}, matrix{{0}, {1}}, {{1, 2}, {0, 1}}, 1)", "Q: a symmetric matrix"},
+      {"control.lqr(matrix{{0, 1}, {0, 0}}, matrix{{0}, {1}}, {1, -1}, 1)", "Q: a matrix whose eigenvalues are not below 0"},
+      {"control.lqr(matrix{{0, 1}, {0, 0}}, matrix{{0}, {1}}, {1, 1}, 0)", "R: a matrix whose eigenvalues are above 0"},
+      {"control.lqr(matrix{{0, 1}, {0, 0}}, matrix{{0}, {1}}, {1, 1, 1}, 1)", "Q of control.lqr, the diagonal"},
+      {"control.lqr(matrix{{0, 1}, {0, 0/0}}, matrix{{0}, {1}}, {1, 1}, 1)", "A: a matrix of finite numbers"},
+      {"control.lqr(matrix{{0, 1}, {0, 0}}, matrix{{0}, {1}}, {0, 1}, 1)", "by which feedback can stabilise what they see"},
+      {"control.kalman(matrix{{0, 1}, {0, 0}}, matrix{{0, 1}}, {0, 1}, 1)", "by which a filter can follow what they show"},
+      {"control.discretise(matrix{{0, 1}, {0, 0}}, matrix{{0}, {1}}, 0)", "dt: a time above 0 [s]"},
+      {"control.discretise(matrix{{1e4}}, matrix{{1}}, 1)", "a system that stays within the range of numbers over dt"},
+      {"control.poles(matrix{{0, 1}})", "A: a square matrix"},
+      {"control.dlqr()", "A of control.dlqr"},
+  };
+  const TemporaryFolder dir;
+  for (const auto& [call, expected] : kRefused) {
+    const Finished run = run_script(dir, "check", std::string("mission { duration = 1 }\n") + call);
+    EXPECT_EQ(run.exit_code, 2) << call << run.out;
+    EXPECT_NE(run.err.find(expected), std::string::npos) << call << "\n" << run.err;
+    EXPECT_NE(run.err.find("scenario.lua:3"), std::string::npos) << call << "\n" << run.err;
+  }
+}
+
+}  // namespace
+}  // namespace cardan
