@@ -27,6 +27,8 @@ const cardan_device_family& sun_sensor_family();
 const cardan_device_family& coarse_sun_sensor_family();
 const cardan_device_family& magnetometer_family();
 const cardan_device_family& encoder_family();
+const cardan_device_family& bushing_family();
+const cardan_device_family& cable_family();
 
 void register_devices(Registry& registry) {
   register_fields(registry);
@@ -52,7 +54,9 @@ void register_devices(Registry& registry) {
                             sun_sensor_family,
                             coarse_sun_sensor_family,
                             magnetometer_family,
-                            encoder_family})
+                            encoder_family,
+                            bushing_family,
+                            cable_family})
     registry.devices.add(family());
 }
 

@@ -26,12 +26,29 @@ struct Entry {
   std::string beside{};     // a type that it works with, as "other"
   std::string direction{};  // a parameter that is a direction
   std::vector<std::pair<std::string, std::string>> choices{};
-  std::vector<std::string> truths{};  // that are true
+  std::vector<std::string> truths{};                                // that are true
+  std::map<std::string, std::vector<double>, std::less<>> lists{};  // vectors, rows of a table
 };
 using Input = DeviceSpec::Input;
 
 const std::map<std::string, Entry>& entries() {
   static const std::map<std::string, Entry> all = {
+      {"bushing",
+       {{},
+        {},
+        {},
+        0.0,
+        "",
+        "",
+        {},
+        {},
+        {{"stiffness", {20, 30, 10}},
+         {"turn_stiffness", {3, 2, 4}},
+         {"damping", {1, 0.5, 2}},
+         {"turn_damping", {0.2, 0.1, 0.3}},
+         {"rest", {1, 0, 0.3}},
+         {"preload_moment", {0.3, -0.2, 0.5}}}}},
+      {"cable", {{{"stiffness", 20.0}, {"length", 0.3}, {"damping", 1.0}}}},
       {"coarse_sun_sensor", {{{"noise", 1e-3}}, {}, {}, 20.0}},  // it faces the light
       {"contact",
        {{{"from_radius", 1.2},
@@ -151,6 +168,7 @@ DeviceSpec mounted(const std::string& name, const std::string& type, const Place
   d.inputs = e.inputs, d.rate = e.rate;
   for (const auto& [key, choice] : e.choices) d.params[key].value = choice;
   for (const std::string& key : e.truths) d.params[key].value = true;
+  for (const auto& [key, list] : e.lists) d.params[key].value = list;
   if (!e.direction.empty()) d = with_vector(d, e.direction, Vector3d(1, 2, -2) / 3.0);
   const cardan_device_family& f = *registry().device(type);
   int nodes = 0;
