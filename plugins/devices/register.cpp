@@ -29,6 +29,11 @@ const cardan_device_family& magnetometer_family();
 const cardan_device_family& encoder_family();
 const cardan_device_family& bushing_family();
 const cardan_device_family& cable_family();
+const cardan_device_family& recorded_load_family();
+const cardan_device_family& vibration_family();
+const cardan_device_family& wheel_disturbance_family();
+const cardan_device_family& rotor_disturbance_family();
+const cardan_device_family& stepper_family();
 
 void register_devices(Registry& registry) {
   register_fields(registry);
@@ -56,7 +61,12 @@ void register_devices(Registry& registry) {
                             magnetometer_family,
                             encoder_family,
                             bushing_family,
-                            cable_family})
+                            cable_family,
+                            stepper_family,
+                            rotor_disturbance_family,
+                            wheel_disturbance_family,
+                            vibration_family,
+                            recorded_load_family})
     registry.devices.add(family());
 }
 

@@ -91,8 +91,15 @@ const std::map<std::string, Entry>& entries() {
       {"pulse_modulator", {{{"minimum", 0.01}}, {}, {{"command", Input{0.4, {}}}}, 10.0, "thruster"}},
       {"radiation_pressure",
        {{{"area", 1e6}, {"specular", 0.4}, {"diffuse", 0.3}}, {}, {}, 0.0, "", "normal", {{"shape", "plate"}}, {"both_sides"}}},
+      {"recorded_load", {{}, {}, {}, 0.0, "", "", {{"outside", "hold"}}, {}, {{"record", {0, 1, 2,  3,   0.5, -1, 2, 0.15, 2, 0, 1,
+                                                                                          1, 1, -1, 0.3, -1,  2,  2, 0,    1, 1}}}}},
+      {"rotor_disturbance", {{}, {}, {}, 0.0, "", "axis", {}, {}, {{"harmonics", {1, 2, 0.5, 0, 0.3, 2.9, 1, 0, 2, 1}}}}},
       {"spring_damper", {{{"stiffness", 20.0}, {"rest", 0.3}, {"damping", 1.0}}}},
       {"star_tracker", {{{"cross_noise", 1e-3}, {"exclusion", 0.5}}, {}, {}, 20.0, "", "boresight"}},
+      {"stepper",
+       {{{"step", 1.0}, {"holding_torque", 1.0}, {"detent_torque", 0.1}, {"microsteps", 4.0}, {"damping", 0.2}},
+        {{"steps", 10.1}},
+        {{"rate", Input{5.0, {}}}}}},
       {"sun_sensor", {{{"half_angle", 2.5}, {"noise", 1e-3}}, {}, {}, 20.0, "", "boresight"}},
       {"tank",
        {{{"radius", 0.2}, {"density", 1000.0}, {"pressure", 20.0}, {"loaded", 2.0}},
@@ -107,7 +114,18 @@ const std::map<std::string, Entry>& entries() {
         {{"command", Input{1.0, {}}}},
         0.0,
         "",
-        "direction"}}};
+        "direction"}},
+      {"vibration", {{}, {}, {}, 0.0, "", "", {}, {}, {{"tones", {1.5, 0.4, 1, -2, 0, 0.5, 0, 1, 4, 0, 0, 1, 1, 0, 0.2, 0}}}}},
+      {"wheel_disturbance",
+       {{},
+        {{"angle", 0.4}},
+        {{"rate", Input{3.0, {}}}},
+        0.0,
+        "",
+        "axis",
+        {},
+        {},
+        {{"harmonics", {1, 0.2, 0.05, 0, 0.3, 2.9, 0.1, 0, 0.2, 1}}}}}};
   return all;
 }
 
