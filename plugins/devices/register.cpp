@@ -29,6 +29,8 @@ const cardan_device_family& magnetometer_family();
 const cardan_device_family& encoder_family();
 const cardan_device_family& bushing_family();
 const cardan_device_family& cable_family();
+const cardan_device_family& horizon_sensor_family();
+const cardan_device_family& gnss_family();
 const cardan_device_family& recorded_load_family();
 const cardan_device_family& vibration_family();
 const cardan_device_family& wheel_disturbance_family();
@@ -62,6 +64,8 @@ void register_devices(Registry& registry) {
                             encoder_family,
                             bushing_family,
                             cable_family,
+                            horizon_sensor_family,
+                            gnss_family,
                             stepper_family,
                             rotor_disturbance_family,
                             wheel_disturbance_family,

@@ -58,7 +58,8 @@ struct TurningPlanet {
   static constexpr double kEarthRate = 7.292115e-5;  // [rad/s]
   static constexpr const char* kDateExpected = "a date of UTC, UT1, TT or TAI from 1960 to 2200: 2026-11-26T12:00:00 UTC";
 
-  bool pack(const Params& params) {
+  /// By the keys above; `rate_key`: of its rate.
+  bool pack(const Params& params, const char* rate_key = "rate") {
     const Eigen::Vector3d c = params.vector("centre"), k = params.vector("axis"), m = params.vector("meridian");
     const Eigen::Vector3d across = m - m.dot(k) * k;
     if (across.norm() < 1e-6) return params.fail("meridian", "a direction that is not along `axis`");
@@ -75,13 +76,13 @@ struct TurningPlanet {
     }
     if (of_iau && (k != Eigen::Vector3d::UnitZ() || m != Eigen::Vector3d::UnitX()))
       return params.fail("orientation", "mean", nullptr, "iau2006 has an axis and a meridian of its own");
-    if (of_iau && !(std::abs(params.number("rate") - kEarthRate) < 1e-6 * kEarthRate))
-      return params.fail("rate", "7.292115e-5 rad/s, that of Earth, whose orientation is iau2006");
+    if (of_iau && !(std::abs(params.number(rate_key) - kEarthRate) < 1e-6 * kEarthRate))
+      return params.fail(rate_key, "7.292115e-5 rad/s, that of Earth, whose orientation is iau2006");
     Eigen::Map<Eigen::Matrix3d> columns(axes);
     columns.col(0) = Eigen::AngleAxisd(ahead, k) * across.normalized(), columns.col(1) = k.cross(columns.col(0)), columns.col(2) = k;
     Eigen::Map<Eigen::Vector3d> to(centre);
     to = c;
-    rate = params.number("rate");
+    rate = params.number(rate_key);
     return true;
   }
 };

@@ -69,6 +69,8 @@ const std::map<std::string, Entry>& entries() {
       {"drag", {{{"area", 2.0}}}},
       {"dry_friction", {{{"coulomb", 0.3}, {"breakaway", 0.5}, {"viscous", 0.1}}}},
       {"encoder", {{{"noise", 1e-3}, {"step", 1e-3}}, {}, {}, 20.0}},
+      {"gnss", {{{"position_noise", 1.0}, {"position_wander", 2.0}, {"velocity_noise", 0.01}}, {}, {}, 20.0, "", "", {{"axes", "planet"}}}},
+      {"horizon_sensor", {{{"half_angle", 3.0}, {"noise", 1e-3}, {"exclusion", 0.1}}, {}, {}, 20.0, "", "boresight"}},
       {"imu", {{{"angle_random_walk", 1e-3}}, {}, {}, 20.0}},
       {"integrating_imu", {{{"angle_random_walk", 1e-3}}, {}, {}, 20.0}},
       {"latch", {{{"place", 0.1}, {"max_rate", 100.0}, {"stiffness", 15.0}, {"damping", 0.5}}, {{"closed", 1.0}}}},
