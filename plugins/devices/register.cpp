@@ -27,6 +27,15 @@ const cardan_device_family& sun_sensor_family();
 const cardan_device_family& coarse_sun_sensor_family();
 const cardan_device_family& magnetometer_family();
 const cardan_device_family& encoder_family();
+const cardan_device_family& bushing_family();
+const cardan_device_family& cable_family();
+const cardan_device_family& horizon_sensor_family();
+const cardan_device_family& gnss_family();
+const cardan_device_family& recorded_load_family();
+const cardan_device_family& vibration_family();
+const cardan_device_family& wheel_disturbance_family();
+const cardan_device_family& rotor_disturbance_family();
+const cardan_device_family& stepper_family();
 
 void register_devices(Registry& registry) {
   register_fields(registry);
@@ -52,7 +61,16 @@ void register_devices(Registry& registry) {
                             sun_sensor_family,
                             coarse_sun_sensor_family,
                             magnetometer_family,
-                            encoder_family})
+                            encoder_family,
+                            bushing_family,
+                            cable_family,
+                            horizon_sensor_family,
+                            gnss_family,
+                            stepper_family,
+                            rotor_disturbance_family,
+                            wheel_disturbance_family,
+                            vibration_family,
+                            recorded_load_family})
     registry.devices.add(family());
 }
 

@@ -71,7 +71,8 @@ struct PlanetTurn {
   static constexpr double kEarthRate = 7.292115e-5;  // [rad/s]
   static constexpr const char* kDateExpected = "a date of UTC, UT1, TT or TAI from 1960 to 2200: 2026-11-26T12:00:00 UTC";
 
-  bool pack(const Params& params) {
+  /// By the keys above; `rate_key`: of its rate.
+  bool pack(const Params& params, const char* rate_key = "rate") {
     const Eigen::Vector3d k = params.vector("axis"), m = params.vector("meridian");
     const Eigen::Vector3d across = m - m.dot(k) * k;
     if (across.norm() < 1e-6) return params.fail("meridian", "a direction that is not along `axis`");
@@ -103,21 +104,21 @@ struct PlanetTurn {
       if (k != Eigen::Vector3d::UnitZ() || m != Eigen::Vector3d::UnitX())
         return params.fail("orientation", "mean", nullptr, (std::string(name) + " has an axis and a meridian of its own").c_str());
       const double turns = orientation == iau2006 ? kEarthRate : rotation_rate(body());
-      if (!(std::abs(params.number("rate") - turns) < 1e-6 * std::abs(turns))) {
+      if (!(std::abs(params.number(rate_key) - turns) < 1e-6 * std::abs(turns))) {
         char expected[100];
         std::snprintf(expected, sizeof expected, "%.7g rad/s, that of %s, whose orientation is %s", turns,
                       orientation == iau2006          ? "Earth"
                       : orientation == moon_principal ? "the Moon"
                                                       : "the body",
                       name);
-        return params.fail("rate", expected);
+        return params.fail(rate_key, expected);
       }
     }
     if (orientation > iau2006 && (pole[0] != 0.0 || pole[1] != 0.0 || params.number("dut1") != 0.0))
       return params.fail(pole[0] != 0.0 ? "pole_x" : pole[1] != 0.0 ? "pole_y" : "dut1", "0: only the Earth has it");
     Eigen::Map<Eigen::Matrix3d> columns(axes);
     columns.col(0) = Eigen::AngleAxisd(ahead, k) * across.normalized(), columns.col(1) = k.cross(columns.col(0)), columns.col(2) = k;
-    rate = params.number("rate");
+    rate = params.number(rate_key);
     return true;
   }
 
@@ -138,9 +139,9 @@ struct TurningPlanet : PlanetTurn {
 
   static constexpr cardan_param_desc centre_desc = param::optional("centre", CARDAN_VECTOR, "m", "of the planet, world axes");
 
-  bool pack(const Params& params) {
+  bool pack(const Params& params, const char* rate_key = "rate") {
     Eigen::Map<Eigen::Vector3d>{centre} = params.vector("centre");
-    return PlanetTurn::pack(params);
+    return PlanetTurn::pack(params, rate_key);
   }
 };
 

@@ -71,10 +71,11 @@ void expect_channels(Scenario& s) {
   }
 }
 
-/// quat, vec, allocation, elliptic.
+/// quat, vec, allocation, elliptic, cmg, slosh.
 void run_prelude(Scenario& s) {
-  s.lua.run_text("[cardan]",
-                 "for _, name in ipairs { 'quat', 'vec', 'allocation', 'elliptic' } do _G[name] = require('cardan.' .. name) end");
+  s.lua.run_text(
+      "[cardan]",
+      "for _, name in ipairs { 'quat', 'vec', 'allocation', 'elliptic', 'cmg', 'slosh' } do _G[name] = require('cardan.' .. name) end");
 }
 
 /// With all that scripts see, before any script.

@@ -361,5 +361,118 @@ TEST(Encoder, WantsACoordinate) {
       << refusal(with_encoder("ball", 10.0, {}, "arm.wx"));
 }
 
+/// The direction from a node that turns to the centre of a planet, which is elsewhere; seen within its half-angle alone.
+TEST(HorizonSensor, ReadsTheDirectionToTheCentreInNodeAxes) {
+  const Turning bus;
+  const Vector3d centre(1e6, -2e6, 5e5), arm(0.3, 0.2, -0.1), misaligned(0.01, -0.02, 0.03);
+  for (const double half_angle : {0.8, pi}) {
+    DeviceSpec d = with_vector(at_head("horizon_sensor", {{"half_angle", half_angle}}), "centre", centre);
+    d = with_vector(with_vector(d, "misalignment", misaligned), "boresight", {0, 1, 0});
+    int seen = 0, unseen = 0;
+    sampled(bus.with(d, 2.0), 2.0, 40, [&](const VectorXd& out, double t) {
+      const Vector3d place = bus.position + bus.R0 * by(t * bus.w) * arm;
+      const Vector3d read = by(misaligned).transpose() * bus.R_WN(t).transpose() * (centre - place).normalized();
+      const bool within = std::acos(read[1]) <= half_angle;
+      EXPECT_EQ(out[3], within ? 1.0 : 0.0) << t;
+      if (within) {
+        EXPECT_LT((out.head<3>() - read).norm(), 1e-10);  // what 10 s of turning leave at 1e-12
+      }
+      (within ? seen : unseen) += 1;
+    });
+    EXPECT_GT(seen, 5);
+    EXPECT_EQ(unseen > 5, half_angle < pi);
+  }
+}
+
+TEST(HorizonSensor, IsBlindedByTheSunAndByDistance) {
+  const Turning bus;
+  const auto valid = [&](const Vector3d& sun, double farthest) {
+    DeviceSpec d = at_head("horizon_sensor", {{"half_angle", pi}, {"exclusion", 0.3}, {"max_distance", farthest}});
+    return samples_of(bus.with(d, 1.0, {sunlight(sun)}), 1.0, 1)(3, 0);
+  };
+  const Vector3d boresight = bus.R_WN(0.0).col(2);
+  EXPECT_EQ(valid(by(0.29 * boresight.cross(Vector3d::UnitX()).normalized()) * boresight, 0.0), 0.0);
+  EXPECT_EQ(valid(by(0.31 * boresight.cross(Vector3d::UnitX()).normalized()) * boresight, 0.0), 1.0);
+  EXPECT_EQ(valid(-boresight, 6.9e6), 0.0);
+  EXPECT_EQ(valid(-boresight, 7.1e6), 1.0);
+}
+
+TEST(HorizonSensor, HasNoiseAcrossTheDirection) {
+  const double sigma = 1e-3;
+  const int n = 2000;
+  Turning bus;
+  bus.w.setZero();
+  const MatrixXd all = samples_of(bus.with(at_head("horizon_sensor", {{"half_angle", pi}, {"noise", sigma}}), 10.0), 10.0, n);
+  const Vector3d truth = bus.R_WN(0.0).transpose() * -(bus.position + bus.R0 * Vector3d(0.3, 0.2, -0.1)).normalized();
+  double sum = 0.0;
+  for (int k = 0; k < n; ++k) sum += (all.col(k).head<3>() - truth).squaredNorm();
+  EXPECT_NEAR(sum / n, 2 * sigma * sigma, 5 * 2 * sigma * sigma / std::sqrt(n));  // chi-square of two: five standard deviations
+}
+
+/// In world axes what the node does, its arm and its turning too; in axes of a planet that turns, less its rotation.
+TEST(Gnss, TellsPositionAndVelocityInTheAxesAskedFor) {
+  Turning bus;
+  const Vector3d arm(0.3, 0.2, -0.1), axis = Vector3d(1, 2, 2) / 3.0, meridian = Vector3d(2, 1, -2) / 3.0, centre(1e6, 2e6, -3e6);
+  const double rate = 1e-2;
+  for (const bool planet : {false, true}) {
+    DeviceSpec d = at_head("gnss", {{"planet_rate", rate}});
+    d.params["axes"].value = std::string(planet ? "planet" : "world");
+    d = with_vector(with_vector(with_vector(d, "axis", axis), "meridian", meridian), "centre", centre);
+    sampled(bus.with(d, 2.0), 2.0, 20, [&](const VectorXd& out, double t) {
+      const Matrix3d R = bus.R0 * by(t * bus.w);
+      Vector3d r = bus.position + R * arm, v = R * bus.w.cross(arm);
+      if (planet) {
+        Matrix3d axes;  // columns
+        axes << meridian, axis.cross(meridian), axis;
+        axes = (about(axis, rate * t) * axes).eval();
+        v = axes.transpose() * (v - rate * axis.cross(r - centre)), r = axes.transpose() * (r - centre);
+      }
+      EXPECT_LT((out.head<3>() - r).norm(), 1e-8) << t;  // 7e6 m to 1e-15
+      EXPECT_LT((out.segment<3>(3) - v).norm(), 1e-8) << t;
+      EXPECT_EQ(out[6], 1.0);
+    });
+  }
+}
+
+/// White noise and an error that wanders, stationary from the start: variances add, and neighbours are correlated by exp(-T / tau).
+TEST(Gnss, HasNoiseAndAnErrorThatWanders) {
+  const double white = 2.0, wander = 3.0, tau = 5.0, rate = 1.0, slow = 0.02;
+  const int n = 4000;
+  Turning bus;
+  bus.w.setZero();
+  const DeviceSpec d =
+      at_head("gnss", {{"position_noise", white}, {"position_wander", wander}, {"wander_time", tau}, {"velocity_noise", slow}});
+  const MatrixXd all = samples_of(bus.with(d, rate), rate, n);
+  const Vector3d truth = bus.position + bus.R0 * Vector3d(0.3, 0.2, -0.1);
+  double variance = 0.0, next = 0.0, speed = 0.0;
+  for (int k = 0; k + 1 < n; ++k) {
+    const Vector3d a = all.col(k).head<3>() - truth, b = all.col(k + 1).head<3>() - truth;
+    variance += a.squaredNorm() / (3 * n), next += a.dot(b) / (3 * n), speed += all.col(k).segment<3>(3).squaredNorm() / (3 * n);
+  }
+  // 3 n / (1 + 2 tau) independent samples or so: four standard deviations of the variance are a tenth.
+  EXPECT_NEAR(variance, white * white + wander * wander, 0.12 * (white * white + wander * wander));
+  EXPECT_NEAR(next, wander * wander * std::exp(-1.0 / tau), 0.15 * wander * wander);
+  EXPECT_NEAR(speed, slow * slow, 0.06 * slow * slow);
+}
+
+TEST(Gnss, KeepsItsLastFixWithoutASignal) {
+  Turning bus;
+  SystemSpec spec = bus.with(at_head("gnss", {{"max_distance", 8e6}}), 1.0);
+  Simulation sim(compiled(spec), accurate());
+  sim.run(0.5);
+  const double x = sim.device_output(0);
+  EXPECT_EQ(sim.device_output(6), 1.0);
+  sim.set_device_input(0, 0.0);
+  sim.run(1.5);
+  EXPECT_EQ(sim.device_output(6), 0.0);
+  EXPECT_EQ(sim.device_output(0), x);
+  sim.set_device_input(0, 1.0);
+  sim.run(2.5);
+  EXPECT_EQ(sim.device_output(6), 1.0);
+  EXPECT_NE(sim.device_output(0), x);
+  bus.position = {0, 8.1e6, 0};
+  EXPECT_EQ(samples_of(bus.with(at_head("gnss", {{"max_distance", 8e6}}), 1.0), 1.0, 1)(6, 0), 0.0);
+}
+
 }  // namespace
 }  // namespace cardan::test

@@ -26,12 +26,29 @@ struct Entry {
   std::string beside{};     // a type that it works with, as "other"
   std::string direction{};  // a parameter that is a direction
   std::vector<std::pair<std::string, std::string>> choices{};
-  std::vector<std::string> truths{};  // that are true
+  std::vector<std::string> truths{};                                // that are true
+  std::map<std::string, std::vector<double>, std::less<>> lists{};  // vectors, rows of a table
 };
 using Input = DeviceSpec::Input;
 
 const std::map<std::string, Entry>& entries() {
   static const std::map<std::string, Entry> all = {
+      {"bushing",
+       {{},
+        {},
+        {},
+        0.0,
+        "",
+        "",
+        {},
+        {},
+        {{"stiffness", {20, 30, 10}},
+         {"turn_stiffness", {3, 2, 4}},
+         {"damping", {1, 0.5, 2}},
+         {"turn_damping", {0.2, 0.1, 0.3}},
+         {"rest", {1, 0, 0.3}},
+         {"preload_moment", {0.3, -0.2, 0.5}}}}},
+      {"cable", {{{"stiffness", 20.0}, {"length", 0.3}, {"damping", 1.0}}}},
       {"coarse_sun_sensor", {{{"noise", 1e-3}}, {}, {}, 20.0}},  // it faces the light
       {"contact",
        {{{"from_radius", 1.2},
@@ -52,6 +69,8 @@ const std::map<std::string, Entry>& entries() {
       {"drag", {{{"area", 2.0}}}},
       {"dry_friction", {{{"coulomb", 0.3}, {"breakaway", 0.5}, {"viscous", 0.1}}}},
       {"encoder", {{{"noise", 1e-3}, {"step", 1e-3}}, {}, {}, 20.0}},
+      {"gnss", {{{"position_noise", 1.0}, {"position_wander", 2.0}, {"velocity_noise", 0.01}}, {}, {}, 20.0, "", "", {{"axes", "planet"}}}},
+      {"horizon_sensor", {{{"half_angle", 3.0}, {"noise", 1e-3}, {"exclusion", 0.1}}, {}, {}, 20.0, "", "boresight"}},
       {"imu", {{{"angle_random_walk", 1e-3}}, {}, {}, 20.0}},
       {"integrating_imu", {{{"angle_random_walk", 1e-3}}, {}, {}, 20.0}},
       {"latch", {{{"place", 0.1}, {"max_rate", 100.0}, {"stiffness", 15.0}, {"damping", 0.5}}, {{"closed", 1.0}}}},
@@ -74,8 +93,15 @@ const std::map<std::string, Entry>& entries() {
       {"pulse_modulator", {{{"minimum", 0.01}}, {}, {{"command", Input{0.4, {}}}}, 10.0, "thruster"}},
       {"radiation_pressure",
        {{{"area", 1e6}, {"specular", 0.4}, {"diffuse", 0.3}}, {}, {}, 0.0, "", "normal", {{"shape", "plate"}}, {"both_sides"}}},
+      {"recorded_load", {{}, {}, {}, 0.0, "", "", {{"outside", "hold"}}, {}, {{"record", {0, 1, 2,  3,   0.5, -1, 2, 0.15, 2, 0, 1,
+                                                                                          1, 1, -1, 0.3, -1,  2,  2, 0,    1, 1}}}}},
+      {"rotor_disturbance", {{}, {}, {}, 0.0, "", "axis", {}, {}, {{"harmonics", {1, 2, 0.5, 0, 0.3, 2.9, 1, 0, 2, 1}}}}},
       {"spring_damper", {{{"stiffness", 20.0}, {"rest", 0.3}, {"damping", 1.0}}}},
       {"star_tracker", {{{"cross_noise", 1e-3}, {"exclusion", 0.5}}, {}, {}, 20.0, "", "boresight"}},
+      {"stepper",
+       {{{"step", 1.0}, {"holding_torque", 1.0}, {"detent_torque", 0.1}, {"microsteps", 4.0}, {"damping", 0.2}},
+        {{"steps", 10.1}},
+        {{"rate", Input{5.0, {}}}}}},
       {"sun_sensor", {{{"half_angle", 2.5}, {"noise", 1e-3}}, {}, {}, 20.0, "", "boresight"}},
       {"tank",
        {{{"radius", 0.2}, {"density", 1000.0}, {"pressure", 20.0}, {"loaded", 2.0}},
@@ -90,7 +116,18 @@ const std::map<std::string, Entry>& entries() {
         {{"command", Input{1.0, {}}}},
         0.0,
         "",
-        "direction"}}};
+        "direction"}},
+      {"vibration", {{}, {}, {}, 0.0, "", "", {}, {}, {{"tones", {1.5, 0.4, 1, -2, 0, 0.5, 0, 1, 4, 0, 0, 1, 1, 0, 0.2, 0}}}}},
+      {"wheel_disturbance",
+       {{},
+        {{"angle", 0.4}},
+        {{"rate", Input{3.0, {}}}},
+        0.0,
+        "",
+        "axis",
+        {},
+        {},
+        {{"harmonics", {1, 0.2, 0.05, 0, 0.3, 2.9, 0.1, 0, 0.2, 1}}}}}};
   return all;
 }
 
@@ -151,6 +188,7 @@ DeviceSpec mounted(const std::string& name, const std::string& type, const Place
   d.inputs = e.inputs, d.rate = e.rate;
   for (const auto& [key, choice] : e.choices) d.params[key].value = choice;
   for (const std::string& key : e.truths) d.params[key].value = true;
+  for (const auto& [key, list] : e.lists) d.params[key].value = list;
   if (!e.direction.empty()) d = with_vector(d, e.direction, Vector3d(1, 2, -2) / 3.0);
   const cardan_device_family& f = *registry().device(type);
   int nodes = 0;

@@ -36,3 +36,45 @@ near("sn, cn, dn", { elliptic.jacobi(1.3, 0.7) }, { 0.89873107626041887, 0.43850
 near("sn, cn, dn, many turns on", { elliptic.jacobi(-20, 0.2) }, { -0.084396212181001686, 0.99643227535517904, 0.99928747409036398, -18.934052644654575 })
 ok, why = pcall(elliptic.K, 1)
 assert(not ok and why:find("expected a parameter 0 <= m < 1, got 1", 1, true), why)
+-- Control moment gyros in a pyramid: momenta and their slopes as in the books [Wie 1998, Space Vehicle Dynamics and Control, 7.4].
+local sb, cb = math.sqrt(2 / 3), math.sqrt(1 / 3)
+local pyramid = cmg.pyramid()
+pyramid.h = 3
+local gyros, x = cmg.cluster(pyramid, { lambda = 0 }), { 0.3, -0.7, 1.2, 0.4 }
+local s, co = {}, {}
+for i = 1, 4 do s[i], co[i] = math.sin(x[i]), math.cos(x[i]) end
+near("momentum of a pyramid", vec.scale(1 / 3, gyros.momentum(x)),
+  { -cb * s[1] - co[2] + cb * s[3] + co[4], co[1] - cb * s[2] - co[3] + cb * s[4], sb * (s[1] + s[2] + s[3] + s[4]) })
+near("slope of the first", vec.scale(1 / 3, gyros.jacobian(x)[1]), { -cb * co[1], -s[1], sb * co[1] })
+near("slope of the second", vec.scale(1 / 3, gyros.jacobian(x)[2]), { s[2], -cb * co[2], sb * co[2] })
+local wanted = { 0.2, -0.1, 0.3 }
+local rates = gyros.rates(wanted, x)
+near("rates give what is wanted", gyros.momentum_rate(x, rates), wanted)
+-- Least norm: the rates are in the span of the rows, across what changes nothing: the fourfold vector product of the columns.
+local C, null = gyros.jacobian(x), {}
+for i = 1, 4 do
+  local o = {}
+  for k = 1, 4 do if k ~= i then o[#o + 1] = C[k] end end
+  null[i] = (i % 2 == 0 and 1 or -1) * vec.dot(o[1], vec.cross(o[2], o[3]))
+end
+near("null motion changes nothing", vec.scale(0.01, gyros.momentum_rate(x, null)), { 0, 0, 0 })
+near("least norm", { (rates[1] * null[1] + rates[2] * null[2] + rates[3] * null[3] + rates[4] * null[4]) / 100 }, { 0 })
+-- At a singular place, where no torque is had along x: damped, the rates solve (A* A + lambda) rates = A* h', which is least of a sum of squares.
+local singular = { -math.pi / 2, 0, math.pi / 2, 0 }
+near("singular", { gyros.measure(singular), gyros.measure { 0, 0, 0, 0 } }, { 0, 2 / 3 * 2 / 3 * 8 / 3 })
+assert(not pcall(gyros.rates, wanted, singular))
+local damped = cmg.cluster(pyramid, { lambda = 0.02, epsilon = 0 })
+rates = damped.rates(wanted, singular)
+local left, J = vec.scale(1 / 3, vec.sub(wanted, damped.momentum_rate(singular, rates))), damped.jacobian(singular)
+for i = 1, 4 do near("damped " .. i, { vec.dot(J[i], left) / 3 }, { 0.02 * rates[i] }) end
+-- With nothing but a torque along the singular direction the diagonal gives none; off it some rate is left.
+local u = vec.unit(vec.cross(J[1], J[2]))
+local still = damped.rates(u, singular)
+near("stuck", still, { 0, 0, 0, 0 })
+local away = cmg.cluster(pyramid).rates(u, singular, 0.3)
+assert(math.abs(away[1]) + math.abs(away[2]) > 1e-5, "it stays in its singular place")
+local slow = cmg.cluster(pyramid, { lambda = 0, max_rate = 0.01 }).rates(wanted, x)
+near("slower, alike", vec.cross({ slow[1], slow[2], slow[3] }, vec.scale(30, gyros.rates(wanted, x))), { 0, 0, 0 })
+near("no faster", { math.max(math.abs(slow[1]), math.abs(slow[2]), math.abs(slow[3]), math.abs(slow[4])) }, { 0.01 })
+ok, why = pcall(cmg.cluster, { gimbals = { { 1, 0, 0 } }, spins = { { 1, 0, 0 } }, h = 1 })
+assert(not ok and why:find("unit vectors at right angles for gyro 1", 1, true), why)
