@@ -72,6 +72,8 @@ struct TurningPlanet {
       ahead = earth_rotation_angle(epoch.ut1);
     } else if (of_iau) {
       return params.fail("epoch", kDateExpected, "none, and orientation: iau2006");
+    } else if (params.number("dut1") != 0.0) {
+      return params.fail("dut1", "`epoch` beside it: UT1 - UTC is that of a date");
     }
     if (of_iau && (k != Eigen::Vector3d::UnitZ() || m != Eigen::Vector3d::UnitX()))
       return params.fail("orientation", "mean", nullptr, "iau2006 has an axis and a meridian of its own");
