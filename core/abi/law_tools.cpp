@@ -86,6 +86,8 @@ Eigen::VectorXd random_vector(std::mt19937_64& rng, Eigen::Index n) {
 
 ParamTable random_parameters(std::span<const cardan_param_desc> schema, std::mt19937_64& rng, bool orthonormal, bool sparse, bool whole) {
   ParamTable table;
+  // What is not the default may ask for others that fit it.
+  const auto stays = [&] { return sparse || uniform(rng) < 0.4; };
   for (const cardan_param_desc& d : schema) {
     const bool required = d.flags & CARDAN_REQUIRED;
     std::vector<double>& numbers = table.numbers[d.name];
@@ -97,7 +99,7 @@ ParamTable random_parameters(std::span<const cardan_param_desc> schema, std::mt1
         if (required && d.kind == CARDAN_FILE) table.bytes[d.name] = "";
         continue;
       case CARDAN_NUMBER:
-        numbers = {sparse && !required ? d.fallback[0] : random_number(d, rng)};
+        numbers = {stays() && !required ? d.fallback[0] : random_number(d, rng)};
         continue;
       case CARDAN_INTEGER:
         numbers = {sparse && !required ? d.fallback[0] : random_integer(d, rng)};
@@ -107,8 +109,7 @@ ParamTable random_parameters(std::span<const cardan_param_desc> schema, std::mt1
         continue;
       case CARDAN_CHOICE: {
         const double any = std::min(std::floor(uniform(rng) * d.count), d.count - 1.0);
-        // What is not the default may ask for other parameters that fit it.
-        numbers = {(sparse || uniform(rng) < 0.5) && !required ? std::clamp(d.fallback[0], 0.0, d.count - 1.0) : any};
+        numbers = {stays() && !required ? std::clamp(d.fallback[0], 0.0, d.count - 1.0) : any};
         table.texts[d.name] = d.names[static_cast<std::size_t>(numbers[0])];
         continue;
       }
@@ -151,9 +152,9 @@ PackedSample packed_at_random(std::span<const cardan_param_desc> schema, std::ui
     bool orthonormal, sparse;
   };
   constexpr Way kWays[] = {{false, false}, {true, false}, {false, true}, {true, true}};
-  for (int attempt = 0; attempt < 64; ++attempt) {  // parameters may have to fit together: refused by half, one of 32 is as good as sure
+  for (int attempt = 0; attempt < 256; ++attempt) {  // parameters may have to fit together: where one of 10 does, these are as good as sure
     const Way way = kWays[attempt % 4];
-    ParamTable table = random_parameters(schema, rng, way.orthonormal, way.sparse, attempt >= 32);
+    ParamTable table = random_parameters(schema, rng, way.orthonormal, way.sparse, attempt / 32 % 2 == 1);
     const cardan_param_values values = table.view();
     const std::uint64_t wanted = size(&values);
     if (wanted > kMostInstanceBytes)

@@ -150,6 +150,11 @@ class DeviceCompiler {
     } else if (!fitting.empty() || (desc.use & CARDAN_USE_OPTIONAL) == 0) {
       fault(Code::wrong_field, spec, desc.name, fmt::format("which field: {}: {}", desc.name, desc.meaning),
             fitting.empty() ? fmt::format("none of the quantity {} in `fields`", quantity_text(quantity)) : "several, and no such key");
+    } else if (const auto half_angle = spec.params.find("exclusion"); quantity == CARDAN_LIGHT && half_angle != spec.params.end()) {
+      const double* x = std::get_if<double>(&half_angle->second.value);
+      if (x && *x != 0.0)
+        fault(Code::wrong_field, spec, "exclusion", fmt::format("{}: {}", desc.name, desc.meaning), "no field of light in `fields`",
+              "a field of the type sunlight; or no `exclusion`");
     }
     for (int i = static_cast<int>(d.mounts.size()) - 1; i >= 0 && m.at < 0; --i)
       if (DeviceMount& place = d.mounts[static_cast<std::size_t>(i)]; place.node >= 0) {

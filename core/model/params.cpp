@@ -139,7 +139,7 @@ class Checker {
     if (is_unit_kind(desc))
       for (std::size_t i = 0; i < numbers.size(); i += 3) {
         Eigen::Map<Eigen::Vector3d> axis(numbers.data() + i);
-        if (axis.isZero(0.0)) return fault(Code::bad_axes, desc.name, "an axis that is not all zero", vectors_text(as_given(value)));
+        if (axis.isZero(0.0)) return fault(Code::bad_axes, desc.name, "a direction that is not all zero", vectors_text(as_given(value)));
         axis.stableNormalize();
       }
     table_.numbers[desc.name] = std::move(numbers);
@@ -217,9 +217,19 @@ void read_vectors(const DocRef& value, const cardan_param_desc& desc, ParamValue
   param.value = std::move(all);
 }
 
+/// "0 m^3/s^2: that of the body in DE440" where the meaning tells what 0 stands for.
+std::string number_text(const cardan_param_desc& desc) {
+  const std::string_view unit = desc.unit, meaning = desc.meaning, zero = " 0: ";
+  std::string text = fmt::format("{:.6g}", desc.fallback[0]);
+  if (unit != "1") text += fmt::format(" {}", unit);
+  if (const auto at = meaning.find(zero); at != meaning.npos && desc.fallback[0] == 0.0)
+    text += fmt::format(": {}", meaning.substr(at + zero.size()));
+  return text;
+}
+
 void note_fallback(MapReader& map, const cardan_param_desc& desc) {
   if (desc.flags & CARDAN_REQUIRED) return;
-  if (desc.kind == CARDAN_NUMBER) map.note_default(desc.name, fmt::format("{:.6g} {}", desc.fallback[0], desc.unit));
+  if (desc.kind == CARDAN_NUMBER) map.note_default(desc.name, number_text(desc));
   if (desc.kind == CARDAN_INTEGER) map.note_default(desc.name, fmt::format("{:.6g}", desc.fallback[0]));
   if (desc.kind == CARDAN_TRUTH) map.note_default(desc.name, desc.fallback[0] != 0.0 ? "true" : "false");
   if (desc.kind == CARDAN_CHOICE && desc.fallback[0] >= 0.0 && desc.fallback[0] < desc.count)

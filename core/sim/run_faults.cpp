@@ -57,7 +57,9 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
             "",
             "",
             told,
-            "where the vehicle is may be outside of what the field knows: another field, or `outside: hold` where it can hold",
+            begun_ ? "where the vehicle is may be outside of what the field knows: another field, or `outside: hold` where it can hold"
+                   : "the vehicle is where its file says, without a place in the origin of the world, until `initial` of the mission has "
+                     "given another: ask after it. Outside of what the field knows: another field, or `outside: hold` where it can hold",
             ""};
   if (breakdown_.body != 0) {
     RunFailure f = describe_breakdown(*model_, breakdown_, state_.t);

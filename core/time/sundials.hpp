@@ -522,6 +522,7 @@ class Sundials final : public Integrator {
   void begin_step() {
     dense_.begin(x_, last_rate_);
     part_t_ = std::numeric_limits<double>::quiet_NaN();
+    rate_ = kUnknownRate;
   }
 
   /// A method of one step begins the next one with the rate at the end of this one: that of the integrals is taken with it.
@@ -586,8 +587,9 @@ class Sundials final : public Integrator {
     me->tried_ = true;
     return flag;
   }
-  /// ARKODE: of each solution its own rate of convergence, which needs two corrections; theirs is that of a stage before, when the matrix
-  /// was newer, and lets a correction of any size pass.
+  /// ARKODE: of each solution its own rate of convergence; theirs is that of a stage before, when the matrix was newer, and lets a
+  /// correction of any size pass. The first correction is mostly the motion itself, along which any matrix is right: the second beside it
+  /// tells nothing of how errors of the matrix converge. That is known from a third one, of an earlier stage of the same step.
   static int converged(SUNNonlinearSolver solver, N_Vector, N_Vector correction, double tolerance, N_Vector weights, void* self) {
     auto* me = static_cast<Sundials*>(self);
     const double size = N_VWrmsNorm(correction, weights), before = std::exchange(me->correction_, size);
@@ -596,7 +598,9 @@ class Sundials final : public Integrator {
     if (size == 0.0) return SUN_NLS_SUCCESS;
     if (iteration == 0) return size <= 1e-3 * tolerance ? SUN_NLS_SUCCESS : SUN_NLS_CONTINUE;
     const double rate = size / before;
-    if (rate < 1.0 && rate / (1.0 - rate) * size <= tolerance) return SUN_NLS_SUCCESS;
+    if (iteration > 1) me->rate_ = rate;
+    const double slowest = std::max(rate, me->rate_);
+    if (slowest < 1.0 && slowest / (1.0 - slowest) * size <= tolerance) return SUN_NLS_SUCCESS;
     return rate > 2.0 ? SUN_NLS_CONV_RECVR : SUN_NLS_CONTINUE;
   }
   /// If there was one in this step: another one follows, or none.
@@ -735,10 +739,11 @@ class Sundials final : public Integrator {
   bool elsewhere_ = false;  // the last evaluation of f was that of a column of J
   double error_sum_ = 0.0;
   LinearCounts linear_before_;
-  static constexpr int kSampled = 4;        // steps to each whose error is looked at
-  static constexpr long kStiffness = 1000;  // steps between two looks
-  static constexpr double kStable = 3.0;    // h times an eigenvalue: about where explicit methods of order 5 and 6 end
-  static constexpr int kLooks = 10;         // of that at most, half of them in doubt
+  static constexpr double kUnknownRate = 0.5;  // of Newton's iteration: what is left is as large as the last correction
+  static constexpr int kSampled = 4;           // steps to each whose error is looked at
+  static constexpr long kStiffness = 1000;     // steps between two looks
+  static constexpr double kStable = 3.0;       // h times an eigenvalue: about where explicit methods of order 5 and 6 end
+  static constexpr int kLooks = 10;            // of that at most, half of them in doubt
   int near_limit_ = 0;
   bool split_ = false;  // f into J_ (x - centre_) and the rest
   Eigen::MatrixXd J_;
@@ -747,6 +752,7 @@ class Sundials final : public Integrator {
   static constexpr int kLinear = 50;             // steps after which they are taken anew
   int since_linear_ = -1;                        // steps; -1: they are too old
   double correction_ = 0.0;                      // of Newton's last iteration, in the norm of the error test
+  double rate_ = kUnknownRate;                   // of Newton's corrections from the second on, where last seen in this step
   bool solved_ = false;                          // f is evaluated where the equations of a stage are solved
   bool aside_ = false;                           // f is evaluated for something else than a stage
   bool fresh_ = true;                            // the rates at the start of the step are not known yet

@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <iterator>
 #include <string_view>
 
@@ -19,10 +20,20 @@ struct Read {
   bool julian = false;
 };
 
+/// Whether a text begins as a pattern, in which 0 stands for any digit.
+bool begins_as(const char* pattern, const char* text) {
+  for (; *pattern != 0; ++pattern, ++text)
+    if (*pattern == '0' ? *text < '0' || *text > '9' : *text != *pattern) return false;
+  return true;
+}
+
+/// ISO 8601, in full: 2026-11-26T12:00:00, with digits of a second behind a point.
 std::optional<Read> calendar(const char* text, const char** rest) {
   Read r;
   int end = 0;
+  if (!begins_as("0000-00-00T00:00:00", text)) return {};
   if (std::sscanf(text, "%4d-%2d-%2dT%2d:%2d:%lf%n", &r.year, &r.month, &r.day, &r.hour, &r.minute, &r.second, &end) != 6) return {};
+  if (text[end - 1] == '.' || std::strspn(text + 17, "0123456789.") + 17 != static_cast<std::size_t>(end)) return {};  // 05e1
   *rest = text + end;
   return r;
 }

@@ -99,6 +99,8 @@ struct PlanetTurn {
       ahead = earth_rotation_angle(epoch.ut1);
     } else if (orientation != mean) {
       return params.fail("epoch", kDateExpected, (std::string("none, and orientation: ") + name).c_str());
+    } else if (params.number("dut1") != 0.0) {
+      return params.fail("dut1", "`epoch` beside it: UT1 - UTC is that of a date");
     }
     if (orientation != mean) {
       if (k != Eigen::Vector3d::UnitZ() || m != Eigen::Vector3d::UnitX())

@@ -5,6 +5,7 @@
 #include "core/sim/linear_model_file.hpp"
 #include "scripts/bindings/operator_methods.hpp"
 #include "scripts/lua/table.hpp"
+#include "scripts/mission/examine.hpp"
 
 namespace cardan {
 namespace {
@@ -82,6 +83,7 @@ int linear_model(lua_State* L, const TreeOperators& tree, const OperatingState& 
 }
 
 int push_linear_model(lua_State* L, Scenario& s) {
+  if (s.q) expect_away_from_centre(s.model, s.q);
   if (s.model->loops.empty()) return study_of_now(L, s, "linearize", linear_model);
   require_a_state(L, s, "linearize");
   const auto model = s.sim ? s.sim->shared_model() : s.model;

@@ -21,6 +21,7 @@
 #include "scripts/bindings/labels.hpp"
 #include "scripts/bindings/operator_methods.hpp"
 #include "scripts/lua/table.hpp"
+#include "scripts/mission/examine.hpp"
 
 namespace cardan {
 namespace {
@@ -330,6 +331,7 @@ int push_modes(lua_State* L, Scenario& s) {
   return push_system_modes(L, tree, present_state(s), &X);
 }
 int push_derivatives(lua_State* L, Scenario& s) {
+  if (s.q) expect_away_from_centre(s.model, s.q);
   if (s.model->loops.empty()) return study_of_now(L, s, "derivatives", derivatives_study);
   require_a_state(L, s, "derivatives");
   return push_closed_derivatives(L, s.sim ? s.sim->shared_model() : s.model, present_state(s), s.q);

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/model/devices.hpp"
 #include "core/model/doubts.hpp"
@@ -35,30 +36,27 @@ std::string bytes_text(double bytes) {
   return fmt::format("{:.3g} {}", bytes, units[i]);
 }
 
-/// A body nearer to the centre than its radius of gyration: the law of the force makes no sense there.
-void expect_away_from_centre(const Scenario& s) {
-  const Model& m = *s.model;
-  if (m.gravity.kind != GravitySpec::Kind::central) return;
-  operators::TreeOperators tree(open_tree(s.model));  // poses and masses are those of the closed one
+/// The tolerances of `ida` beside the rounding of places, which in absolute coordinates are far from the origin of the world and hold
+/// the hinges: finer ones its iteration never meets.
+void expect_tolerances_above_rounding(const Scenario& s) {
+  const SimulationOptions& o = s.mission.simulation;
+  if (o.integrator.method != "ida") return;
+  operators::TreeOperators tree(open_tree(s.model));
   tree.at(s.sim->state().q.data());
   const operators::Placements placed(tree);
-  for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
-    const UserBody& u = m.user[static_cast<std::size_t>(tree.bodies()[i].user)];
-    const BodySpec& b = m.spec->bodies[static_cast<std::size_t>(tree.bodies()[i].user)];
-    const Eigen::Matrix<double, 6, 6> M = tree.M(static_cast<int>(i)).topLeftCorner<6, 6>();  // [J, m c~; -m c~, m]
-    const double mass = M(3, 3);
-    if (mass <= 0.0) continue;
-    const Eigen::Vector3d com = Eigen::Vector3d(M(2, 4), M(0, 5), M(1, 3)) / mass;
-    const double gyration = std::sqrt(std::max(0.0, 0.5 * M.topLeftCorner<3, 3>().trace() / mass - com.squaredNorm()));
-    const operators::Placement &frame = placed.bodies[i], &reference = placed.reference;
-    const double distance = (reference.p + reference.R * (frame.p + frame.R * com) - m.gravity.centre).norm();
-    if (distance > gyration) continue;
-    refuse(Code::bad_initial_state, m.spec->locate(body_path(b) + ".hinge.initial"), "mass centres away from the centre of the field",
-           fmt::format("body {} is at the centre of gravity.central: its mass centre is {:.3g} m from it, its radius of gyration "
-                       "{:.3g} m",
-                       u.name, distance, gyration),
-           "give its orbit: initial: {position: [7000 km, 0, 0], velocity: [0, 7.5 km/s, 0]}, or `initial` in the mission");
-  }
+  double far = 0.0;
+  for (const operators::Placement& frame : placed.bodies) far = std::max(far, (placed.reference.p + placed.reference.R * frame.p).norm());
+  const double absolute = o.absolute_tolerance > 0.0 ? o.absolute_tolerance : o.integrator.relative_tolerance;
+  double least = absolute;
+  for (const double x : {o.tolerances.position, o.tolerances.rate, o.tolerances.velocity})
+    if (x > 0.0) least = std::min(least, x);
+  const double rounding = std::numeric_limits<double>::epsilon() * far;
+  if (least >= rounding) return;
+  refuse(
+      Code::out_of_range, {"mission.integrator.absolute", {s.file.string(), 0, 0}},
+      fmt::format("absolute tolerances of {:.1e} at least: places {:.3g} m from the origin of the world are known to that", rounding, far),
+      fmt::format("{:g}{}", least, o.absolute_tolerance == 0.0 && least == absolute ? ", as `relative`" : ""),
+      fmt::format("absolute = {:.0e} beside `relative`, or a method whose coordinates are relative: dopri5, dop853", 10.0 * rounding));
 }
 
 /// `subject`: "controller \"law\"", "device wheel", whose ticks come every `period` seconds.
@@ -128,6 +126,32 @@ void look_at_sizes(Scenario& s) {
 
 }  // namespace
 
+void expect_away_from_centre(const std::shared_ptr<const Model>& model, const double* q) {
+  const Model& m = *model;
+  if (m.gravity.kind != GravitySpec::Kind::central) return;
+  operators::TreeOperators tree(open_tree(model));  // poses and masses are those of the closed one
+  tree.at(q);
+  const operators::Placements placed(tree);
+  for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
+    const UserBody& u = m.user[static_cast<std::size_t>(tree.bodies()[i].user)];
+    const BodySpec& b = m.spec->bodies[static_cast<std::size_t>(tree.bodies()[i].user)];
+    const Eigen::Matrix<double, 6, 6> M = tree.M(static_cast<int>(i)).topLeftCorner<6, 6>();  // [J, m c~; -m c~, m]
+    const double mass = M(3, 3);
+    if (mass <= 0.0) continue;
+    const Eigen::Vector3d com = Eigen::Vector3d(M(2, 4), M(0, 5), M(1, 3)) / mass;
+    const double gyration = std::sqrt(std::max(0.0, 0.5 * M.topLeftCorner<3, 3>().trace() / mass - com.squaredNorm()));
+    const operators::Placement &frame = placed.bodies[i], &reference = placed.reference;
+    const double distance = (reference.p + reference.R * (frame.p + frame.R * com) - m.gravity.centre).norm();
+    if (distance > gyration) continue;
+    refuse(Code::bad_initial_state, m.spec->locate(body_path(b) + ".hinge.initial"), "mass centres away from the centre of the field",
+           fmt::format("body {} is at the centre of gravity.central: its mass centre is {:.3g} m from it, its radius of gyration "
+                       "{:.3g} m",
+                       u.name, distance, gyration),
+           "give its orbit: initial: {position: [7000 km, 0, 0], velocity: [0, 7.5 km/s, 0]}, or `initial` in the mission, before what "
+           "asks for its motion");
+  }
+}
+
 Warnings still_hinges(const Simulation& sim) {
   Warnings found;
   const Model& m = sim.model();
@@ -181,7 +205,8 @@ void examine(Scenario& s) {
   if (is_diagonalised(options.dynamics))
     DiagonalisedForm::expect_honoured(*s.model, options.dynamics, options.integrator, {"mission.dynamics", {s.file.string(), 0, 0}});
   choose_method_of(s);
-  expect_away_from_centre(s);
+  expect_away_from_centre(s.model, s.sim->state().q.data());
+  expect_tolerances_above_rounding(s);
   look_at_ticks(s);
   if (!scripts_act(s)) s.warnings.add(held_back(*s.model->spec)), s.warnings.add(still_hinges(*s.sim));
   s.warnings.add(unheeded_validity(*s.model));

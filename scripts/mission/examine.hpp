@@ -6,9 +6,12 @@ namespace cardan {
 
 /// The warnings of the vehicle, and those that need the mission and the initial state: rates beyond what linear modes can tell,
 /// prescribed hinges that nothing moves, ticks, results and matrices that grow large. Into Scenario::warnings. Throws InputError for
-/// a body at the centre of a central field and for a controller that would never get through.
+/// a body at the centre of a central field, for `ida` with tolerances below the rounding of places and for a controller that would never
+/// get through.
 void examine(Scenario&);
 
+/// Throws InputError for a body nearer to the centre of central gravity than its radius of gyration: the law makes no sense there.
+void expect_away_from_centre(const std::shared_ptr<const Model>&, const double* q);
 /// Prescribed components that stand still and were given no motion.
 Warnings still_hinges(const Simulation&);
 /// Devices that wait to catch something, as a mark `closed` says, and have not: `missed`, another one, says how often they could have.

@@ -211,9 +211,9 @@ TEST(TurningPlanet, HasTheAxesOfTheEarth) {
                                                       {"rate", {7.292115e-5}}};
   const std::string date = "2026-03-21T14:00:00 UTC";
   const double x = 0.15 * kArcsec, y = 0.4 * kArcsec;
-  given["pole_x"] = {x}, given["pole_y"] = {y}, given["dut1"] = {0.07};
+  given["pole_x"] = {x}, given["pole_y"] = {y};
   const AskedField mean("spherical_harmonics", given);
-  given["orientation"] = {1.0};
+  given["orientation"] = {1.0}, given["dut1"] = {0.07};
   const AskedField iau("spherical_harmonics", given, {{"epoch", date}});
   given["rate"] = {0.0};
   EXPECT_EQ(AskedField("spherical_harmonics", given, {{"epoch", date}}).refusal(),
