@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "bodies/modal/refuse.hpp"
 #include "core/linalg/dense.hpp"
@@ -143,14 +144,15 @@ FeModes normal_modes(const FeModel& model, const std::vector<int>& held, int cou
            fmt::format("{} rigid-body motion{}", n_rigid, n_rigid == 1 ? "" : "s"), "hold the root, or choose the free boundary");
   const SparseMatrix K = free.block(model.K), M = free.block(model.M);
   double sigma = 0.0;
+  std::optional<SparseFactor> at_zero;
   if (n_rigid > 0)
     sigma = -weight_estimate(model, at);
   else
-    stiffness_factor(model, K, free.dofs, at);
+    at_zero.emplace(stiffness_factor(model, K, free.dofs, at));
 
   Eigenpairs pairs, beyond;
   try {
-    pairs = lowest_eigenpairs(K, M, n_rigid + count, sigma, &beyond);
+    pairs = lowest_eigenpairs(K, M, n_rigid + count, sigma, &beyond, at_zero ? &*at_zero : nullptr);
   } catch (const LinalgError& e) {
     refuse(at, {}, Code::fe_model, fmt::format("{} modes of {} free dofs", count, free.dofs.size()), e.what());
   }

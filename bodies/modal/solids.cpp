@@ -21,7 +21,7 @@ using Eigen::Matrix3Xd;
 using Eigen::Vector3d;
 using Triplets = std::vector<Eigen::Triplet<double>>;
 
-constexpr std::size_t kMostSolidNodes = 100'000, kMostDrawnLines = 1000;
+constexpr std::size_t kMostSolidNodes = 50'000, kMostDrawnLines = 1000;
 constexpr double kOnPlane = 1e-5;                                // of the size of the body: what files of seven digits say of a place
 constexpr double kNearlyIncompressible = 0.49, kLightest = 1.0;  // [-], [kg/m^3]
 
