@@ -10,15 +10,14 @@ namespace cardan {
 
 using Eigen::MatrixXd;
 
-FeModes craig_bampton(const FeModel& model, const std::vector<int>& held, const std::vector<int>& interface, int count, const Located& at) {
+FeModes craig_bampton(const FeModel& model, const std::vector<int>& held, const std::vector<int>& interface, const MatrixXd& unit,
+                      int count, const Located& at) {
   std::vector<int> fixed = held;
   fixed.insert(fixed.end(), interface.begin(), interface.end());
   const FeModes inner = normal_modes(model, fixed, count, RigidModes::refuse, at);
-  const int n_constraint = static_cast<int>(interface.size()), m = count + n_constraint;
+  const int n_constraint = static_cast<int>(unit.cols()), m = count + n_constraint;
 
-  // Constraint mode j: unit value at interface dof j, zero at the others and at `held`, no force on any other dof.
-  MatrixXd unit = MatrixXd::Zero(model.n_dofs(), n_constraint);
-  for (int j = 0; j < n_constraint; ++j) unit(interface[j], j) = 1.0;
+  // Constraint mode j: column j of `unit` at the interface, zero at `held`, no force on any other dof.
   const FreePart free(model.n_dofs(), fixed);
   const MatrixXd force = model.K * unit;
   MatrixXd load(free.dofs.size(), n_constraint);

@@ -5,6 +5,7 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
+#include <optional>
 
 #include "bodies/modal/refuse.hpp"
 #include "core/linalg/dense.hpp"
@@ -36,7 +37,7 @@ MatrixXd rigid_motions(const FeModel& model, const std::vector<int>& held) {
     MatrixXd at_held(held.size(), 6);
     for (std::size_t i = 0; i < held.size(); ++i) {
       at_held.row(i) = free.row(held[i]);
-      if (held[i] % 6 >= 3) at_held.row(i) *= size;
+      if (held[i] % model.per_node >= 3) at_held.row(i) *= size;
     }
     const auto [s, V] = right_singular(at_held);
     const Eigen::Index rank = (s.array() > kRigidMotion * std::max(s(0), 1e-300)).count();
@@ -47,10 +48,10 @@ MatrixXd rigid_motions(const FeModel& model, const std::vector<int>& held) {
 
 SparseFactor stiffness_factor(const FeModel& model, const SparseMatrix& K, const std::vector<int>& dofs, const Located& at) {
   const auto mechanism = [&](int row) {
-    const auto& node = model.nodes[dofs[row] / 6];
+    const auto& node = model.nodes[dofs[row] / model.per_node];
     refuse(at, {}, Code::fe_model, "a structure without mechanisms",
-           fmt::format("no stiffness against {} {} at ({:.4g}, {:.4g}, {:.4g}) m", dofs[row] % 6 < 3 ? "displacement" : "rotation",
-                       "xyz"[dofs[row] % 3], node.x(), node.y(), node.z()));
+           fmt::format("no stiffness against {} {} at ({:.4g}, {:.4g}, {:.4g}) m",
+                       dofs[row] % model.per_node < 3 ? "displacement" : "rotation", "xyz"[dofs[row] % 3], node.x(), node.y(), node.z()));
   };
   try {
     SparseFactor factor(K);
@@ -67,10 +68,25 @@ SparseFactor stiffness_factor(const FeModel& model, const SparseMatrix& K, const
   }
 }
 
+/// What keeps the body from moving: a node with rotations, or three nodes without, far from each other.
+std::vector<int> steady_nodes(const FeModel& model) {
+  if (model.per_node == 6) return {model.root_nodes.front()};
+  const auto farthest = [&](auto&& distance) {
+    int best = 0;
+    for (int i = 1; i < static_cast<int>(model.nodes.size()); ++i)
+      if (distance(model.nodes[i]) > distance(model.nodes[best])) best = i;
+    return best;
+  };
+  const int a = farthest([&](const Eigen::Vector3d& x) { return (x - model.nodes[0]).norm(); });
+  const int b = farthest([&](const Eigen::Vector3d& x) { return (x - model.nodes[a]).norm(); });
+  const Eigen::Vector3d along = model.nodes[b] - model.nodes[a];
+  return {a, b, farthest([&](const Eigen::Vector3d& x) { return along.cross(x - model.nodes[a]).norm(); })};
+}
+
 /// A frequency of the free body's size: the least Rayleigh quotient of its deflections under its own weight, held at
 /// the root.
 double weight_estimate(const FeModel& model, const Located& at) {
-  const FreePart free(model.n_dofs(), dofs_of({model.root_nodes.front()}));
+  const FreePart free(model.n_dofs(), dofs_of(steady_nodes(model), model.per_node));
   const SparseMatrix K = free.block(model.K);
   const SparseFactor factor = stiffness_factor(model, K, free.dofs, at);
   const MatrixXd load = model.M * model.rigid_shapes().rightCols(3);
@@ -86,10 +102,10 @@ double weight_estimate(const FeModel& model, const Located& at) {
 
 }  // namespace
 
-std::vector<int> dofs_of(const std::vector<int>& nodes) {
+std::vector<int> dofs_of(const std::vector<int>& nodes, int per_node) {
   std::vector<int> dofs;
   for (int node : nodes)
-    for (int i = 0; i < 6; ++i) dofs.push_back(6 * node + i);
+    for (int i = 0; i < per_node; ++i) dofs.push_back(per_node * node + i);
   return dofs;
 }
 
@@ -128,14 +144,15 @@ FeModes normal_modes(const FeModel& model, const std::vector<int>& held, int cou
            fmt::format("{} rigid-body motion{}", n_rigid, n_rigid == 1 ? "" : "s"), "hold the root, or choose the free boundary");
   const SparseMatrix K = free.block(model.K), M = free.block(model.M);
   double sigma = 0.0;
+  std::optional<SparseFactor> at_zero;
   if (n_rigid > 0)
     sigma = -weight_estimate(model, at);
   else
-    stiffness_factor(model, K, free.dofs, at);
+    at_zero.emplace(stiffness_factor(model, K, free.dofs, at));
 
   Eigenpairs pairs, beyond;
   try {
-    pairs = lowest_eigenpairs(K, M, n_rigid + count, sigma, &beyond);
+    pairs = lowest_eigenpairs(K, M, n_rigid + count, sigma, &beyond, at_zero ? &*at_zero : nullptr);
   } catch (const LinalgError& e) {
     refuse(at, {}, Code::fe_model, fmt::format("{} modes of {} free dofs", count, free.dofs.size()), e.what());
   }

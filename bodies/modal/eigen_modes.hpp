@@ -24,12 +24,13 @@ enum class RigidModes { refuse, remove };
 /// carries too little mass for `count` modes or cannot be solved.
 FeModes normal_modes(const FeModel&, const std::vector<int>& held, int count, RigidModes, const Located& at);
 
-/// Craig and Bampton (1968): `count` lowest modes with `held` and `interface` at rest, and one static mode for each dof
-/// of `interface`, the two sets then orthogonalised into count + interface.size() modes.
-FeModes craig_bampton(const FeModel&, const std::vector<int>& held, const std::vector<int>& interface, int count, const Located& at);
+/// Craig and Bampton (1968): `count` lowest modes with `held` and `interface` at rest, and one static mode for each column
+/// of `unit` (zero but at `interface`), the two sets then orthogonalised into count + unit.cols() modes.
+FeModes craig_bampton(const FeModel&, const std::vector<int>& held, const std::vector<int>& interface, const Eigen::MatrixXd& unit,
+                      int count, const Located& at);
 
-/// The six dofs of each node.
-std::vector<int> dofs_of(const std::vector<int>& nodes);
+/// The dofs of each node.
+std::vector<int> dofs_of(const std::vector<int>& nodes, int per_node = 6);
 
 /// Rows and columns of A that are not in `left_out`, with the list of them.
 struct FreePart {

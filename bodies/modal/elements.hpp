@@ -28,6 +28,9 @@ std::vector<int> some_of(int n, int most);
 /// ascending.
 std::vector<int> add_plate(FeBuilder&, double x0, double length, double width, int nx, int ny, const PlateSection&);
 
+/// Refuses what is no material; doubts what is an unusual one.
+void check_material(const Located& at, const std::string& field, const Material&, Warnings* warnings);
+
 /// The models of modal_source.hpp, with lumped masses added. Throws InputError, whose key path is at.key_path and the
 /// field. `warnings` may be null.
 FeModel beam_mesh(const BeamModel&, const std::vector<PointMass>&, const Located& at, Warnings* warnings = nullptr);

@@ -5,11 +5,25 @@
 #include <map>
 #include <utility>
 
+#include "core/linalg/dense.hpp"
+
 namespace cardan {
 
 using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
+
+namespace {
+
+constexpr double kOneLine = 1e-9;  // of second moments, relative: nodes on one line
+
+Matrix3d skew(const Vector3d& a) {
+  Matrix3d A;
+  A << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
+  return A;
+}
+
+}  // namespace
 
 int FeModel::find_node(const Vector3d& position) const {
   int nearest = -1;
@@ -29,15 +43,63 @@ RigidShapes FeModel::rigid_shapes() const {
   for (std::size_t i = 0; i < nodes.size(); ++i)
     for (int a = 0; a < 3; ++a) {
       const Vector3d axis = Vector3d::Unit(a);
-      R.block<3, 1>(6 * i, a) = axis.cross(nodes[i]);
-      R.block<3, 1>(6 * i + 3, a) = axis;
-      R.block<3, 1>(6 * i, 3 + a) = axis;
+      const auto row = per_node * static_cast<Eigen::Index>(i);
+      R.block<3, 1>(row, a) = axis.cross(nodes[i]);
+      if (per_node == 6) R.block<3, 1>(row + 3, a) = axis;
+      R.block<3, 1>(row, 3 + a) = axis;
     }
   return R;
 }
 
+MatrixXd FeModel::Grip::of(const MatrixXd& shapes, int per_node) const {
+  MatrixXd rows(B.cols(), shapes.cols());
+  for (std::size_t i = 0; i < nodes.size(); ++i)
+    rows.middleRows(per_node * static_cast<Eigen::Index>(i), per_node) = shapes.middleRows(per_node * nodes[i], per_node);
+  return B * rows;
+}
+
+std::optional<FeModel::Grip> FeModel::grip(const Vector3d& position, const std::vector<int>& of) const {
+  Grip out{position, of, MatrixXd::Identity(6, 6)};
+  if (per_node == 6) return out;
+  const auto k = static_cast<Eigen::Index>(of.size());
+  Vector3d centre = Vector3d::Zero();
+  for (const int i : of) centre += nodes[static_cast<std::size_t>(i)] / static_cast<double>(k);
+  // x_i = u + theta x (r_i - p): sum d_i x x_i = S theta with d_i = r_i - centre, and the mean of x_i gives u.
+  Matrix3d S = Matrix3d::Zero();
+  for (const int i : of) {
+    const Vector3d d = nodes[static_cast<std::size_t>(i)] - centre;
+    S += d.squaredNorm() * Matrix3d::Identity() - d * d.transpose();
+  }
+  const Eigen::VectorXd moments = symmetric_eigenvalues(S);
+  if (!(moments[0] > kOneLine * moments[2])) return std::nullopt;
+  const Matrix3d S_inverse = inverse(S);
+  out.B.resize(6, 3 * k);
+  for (Eigen::Index i = 0; i < k; ++i)
+    out.B.block<3, 3>(3, 3 * i) = S_inverse * skew(nodes[static_cast<std::size_t>(of[static_cast<std::size_t>(i)])] - centre);
+  out.B.topRows(3) = skew(centre - position) * out.B.bottomRows(3);
+  for (Eigen::Index i = 0; i < k; ++i) out.B.block<3, 3>(0, 3 * i).diagonal().array() += 1.0 / static_cast<double>(k);
+  return out;
+}
+
+std::vector<int> FeModel::around(int node) const {
+  std::vector<int> out;
+  for (SparseMatrix::InnerIterator it(K, per_node * node); it; ++it)
+    if (out.empty() || out.back() != it.row() / per_node) out.push_back(static_cast<int>(it.row()) / per_node);
+  return out;
+}
+
+MatrixXd FeModel::rigid_motion(const Grip& grip) const {
+  MatrixXd out = MatrixXd::Zero(n_dofs(), 6);
+  for (const int i : grip.nodes) {
+    out.block<3, 3>(per_node * i, 0).setIdentity();
+    out.block<3, 3>(per_node * i, 3) = -skew(nodes[static_cast<std::size_t>(i)] - grip.position);
+    if (per_node == 6) out.block<3, 3>(per_node * i + 3, 3).setIdentity();
+  }
+  return out;
+}
+
 MassField FeModel::mass_field(const MatrixXd& shapes) const {
-  MassField field{point_mass, point_position, point_inertia, {}, {}};
+  MassField field{point_mass, point_position, point_inertia, {}, {}, between};
   for (int a = 0; a < 3; ++a) {
     field.Phi[a] = N[a] * shapes;
     field.Psi[a] = Q[a] * shapes;
@@ -62,7 +124,7 @@ ModalDrawing FeModel::drawing(const MatrixXd& shapes) const {
     point = row++;
     out.points.row(point) = nodes[static_cast<std::size_t>(node)].transpose();
     for (std::size_t j = 0; j < out.shapes.size(); ++j)
-      out.shapes[j].row(point) = shapes.block<3, 1>(6 * node, static_cast<Eigen::Index>(j)).transpose();
+      out.shapes[j].row(point) = shapes.block<3, 1>(per_node * node, static_cast<Eigen::Index>(j)).transpose();
   }
   for (std::size_t i = 0; i < pieces.size(); ++i)
     out.lines.row(static_cast<Eigen::Index>(i)) << points[pieces[i].first], points[pieces[i].second];

@@ -19,6 +19,7 @@
 #include "bodies/modal/modal_integrals.hpp"
 #include "bodies/modal/mode_audit.hpp"
 #include "bodies/modal/refuse.hpp"
+#include "bodies/modal/solids.hpp"
 
 namespace cardan {
 namespace {
@@ -59,9 +60,15 @@ FeModes candidates(const FeModel& model, const std::vector<int>& held, RigidMode
   }
 }
 
-/// Named node -> mesh node; "root" first.
-std::vector<std::pair<NamedPoint, int>> find_points(const FeModel& model, const ModalSource& source) {
-  std::vector<std::pair<NamedPoint, int>> found;
+/// A named node, and what moves it.
+struct Attached {
+  NamedPoint point;
+  FeModel::Grip grip;
+};
+
+/// "root" first.
+std::vector<Attached> find_points(const FeModel& model, const ModalSource& source) {
+  std::vector<Attached> found;
   std::set<std::string> names;
   std::vector<NamedPoint> points = source.points;
   points.insert(points.begin(), {.name = "root"});
@@ -71,13 +78,18 @@ std::vector<std::pair<NamedPoint, int>> find_points(const FeModel& model, const 
     if (!names.insert(p.name).second)
       refuse(source.at, field + ".name", Code::duplicate_name, "a name of its own", fmt::format("\"{}\"", p.name),
              p.name == "root" ? "\"root\", at the origin, is always there" : "");
+    if (const auto* solid = std::get_if<SolidModel>(&source.model)) {
+      found.push_back({p, i == 0 ? root_grip(model, *solid, source.boundary == Boundary::free, source.at)
+                                 : solid_grip(model, p.nodes, p.position, field, source.at)});
+      continue;
+    }
     int node = model.find_node(p.position);
     if (node < 0 && i == 0 && source.boundary != Boundary::free) node = model.root_nodes.front();  // which moves as little
     if (node < 0)
       refuse(source.at, field + ".position", Code::fe_model,
              model.exact_points ? "a point within one element of the mesh" : "the position of a node",
              fmt::format("({}, {}, {}) m", p.position.x(), p.position.y(), p.position.z()));
-    found.emplace_back(p, node);
+    found.push_back({p, *model.grip(i == 0 ? p.position : model.nodes[static_cast<std::size_t>(node)], {node})});
   }
   return found;
 }
@@ -159,9 +171,8 @@ class ModeDoubts {
   }
 
   /// Points and masses stand on nodes of the mesh: those that lay elsewhere were moved.
-  void places(const std::vector<std::pair<NamedPoint, int>>& points) {
-    const auto look = [&](const std::string& field, const Eigen::Vector3d& wanted, int node) {
-      const Eigen::Vector3d& got = model_.nodes[static_cast<std::size_t>(node)];
+  void places(const std::vector<Attached>& points) {
+    const auto look = [&](const std::string& field, const Eigen::Vector3d& wanted, const Eigen::Vector3d& got) {
       if ((got - wanted).norm() > kElsewhere * model_.element_size && model_.exact_points)
         add(Code::unusual_value, field.c_str(),
             fmt::format("({:.6g}, {:.6g}, {:.6g}) m is not on the mesh: it was moved to its nearest node at ({:.6g}, {:.6g}, {:.6g}) m",
@@ -169,9 +180,14 @@ class ModeDoubts {
             "give the place of a node, or choose the number of elements so that there is one");
     };
     for (std::size_t i = 1; i < points.size(); ++i)
-      look(fmt::format("points[{}].position", i - 1), points[i].first.position, points[i].second);
+      if (!points[i].point.nodes.at_mean)
+        look(fmt::format("points[{}].position", i - 1), points[i].point.position, points[i].grip.position);
     for (std::size_t i = 0; i < source_.masses.size(); ++i)
-      look(fmt::format("masses[{}].position", i), source_.masses[i].position, model_.find_node(source_.masses[i].position));
+      look(fmt::format("masses[{}].position", i), source_.masses[i].position, place_of_mass(source_.masses[i]));
+  }
+
+  Eigen::Vector3d place_of_mass(const PointMass& mass) const {
+    return mass.nodes.nearest() ? model_.nodes[static_cast<std::size_t>(model_.find_node(mass.position))] : mass.position;
   }
 
   void damping(const Eigen::VectorXd& omega2, const Eigen::MatrixXd& C) {
@@ -220,21 +236,25 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
   check_choice(source);
   const auto points = find_points(model, source);
   const bool free = source.boundary == Boundary::free;
-  const std::vector<int> held = free ? std::vector<int>{} : dofs_of(model.root_nodes);
+  const std::vector<int> held = free ? std::vector<int>{} : dofs_of(model.root_nodes, model.per_node);
   std::vector<int> interface;
+  Eigen::MatrixXd unit(model.n_dofs(), 0);  // of the interface: rigid motions of the nodes of each point
   if (source.boundary == Boundary::craig_bampton) {
     for (std::size_t i = 1; i < points.size(); ++i)  // the first is the root
-      if (const auto& [point, node] = points[i]; point.interface) {
+      if (const auto& [point, grip] = points[i]; point.interface) {
         const std::string field = fmt::format("points[{}].interface", i - 1);
-        if (std::ranges::find(held, 6 * node) != held.end())
-          refuse(source.at, field, Code::fe_model, "a node of the mesh that can move", "one that the root holds");
-        if (std::ranges::find(interface, 6 * node) != interface.end())
+        const std::vector<int> dofs = dofs_of(grip.nodes, model.per_node);
+        const auto among = [&](const std::vector<int>& list) { return std::ranges::find_first_of(dofs, list) != dofs.end(); };
+        if (among(held)) refuse(source.at, field, Code::fe_model, "a node of the mesh that can move", "one that the root holds");
+        if (among(interface))
           refuse(source.at, field, Code::fe_model, "a node of the mesh for each point with `interface`", "that of another such point",
                  "leave one of the two out, or refine the mesh");
-        interface.insert(interface.end(), {6 * node, 6 * node + 1, 6 * node + 2, 6 * node + 3, 6 * node + 4, 6 * node + 5});
+        interface.insert(interface.end(), dofs.begin(), dofs.end());
+        unit.conservativeResize(Eigen::NoChange, unit.cols() + 6);
+        unit.rightCols(6) = model.rigid_motion(grip);
       }
     if (interface.empty()) refuse(source.at, "points", Code::fe_model, "a point with `interface`, for the craig_bampton boundary", "none");
-  } else if (const auto i = std::ranges::find(points, true, [](const auto& p) { return p.first.interface; }); i != points.end()) {
+  } else if (const auto i = std::ranges::find(points, true, [](const auto& p) { return p.point.interface; }); i != points.end()) {
     refuse(source.at, fmt::format("points[{}].interface", i - points.begin() - 1), Code::unsupported,
            "the craig_bampton boundary for a point with `interface`", free ? "free" : "cantilever",
            "boundary: craig_bampton, or leave `interface` out");
@@ -248,11 +268,11 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
   if (warnings && source.boundary == Boundary::cantilever) ModeDoubts(model, source, *warnings).truncation(modes, data.audit);
   if (!interface.empty()) {
     const auto count = std::count_if(data.audit.begin(), data.audit.end(), [](const ModeRecord& r) { return r.kept; });
-    modes = craig_bampton(model, held, interface, static_cast<int>(count), source.at);
+    modes = craig_bampton(model, held, interface, unit, static_cast<int>(count), source.at);
     data.audit = audit_modes(model, modes, {});
     for (ModeRecord& r : data.audit) {
       r.kind = "Craig-Bampton";
-      r.reason = fmt::format("set of {} fixed-interface and {} constraint modes", count, interface.size());
+      r.reason = fmt::format("set of {} fixed-interface and {} constraint modes", count, unit.cols());
     }
   }
   std::vector<Eigen::Index> kept;
@@ -278,13 +298,14 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
     data.C = damping_matrix(source, omega2);
   }
   if (warnings) ModeDoubts(model, source, *warnings).damping(omega2, data.C);
-  for (const auto& [point, node] : points) {
+  for (const auto& [point, grip] : points) {
+    const Eigen::MatrixXd motion = grip.of(shapes, model.per_node);
     ModalNode n;
     n.name = point.name;
-    n.position = point.name == "root" ? point.position : model.nodes[node];
+    n.position = grip.position;
     n.R_BN = point.R_BN;
-    n.Phi = shapes.middleRows(6 * node, 3);
-    n.Psi = shapes.middleRows(6 * node + 3, 3);
+    n.Phi = motion.topRows(3);
+    n.Psi = motion.bottomRows(3);
     data.nodes.push_back(std::move(n));
   }
   data.drawing = model.drawing(shapes);
@@ -311,6 +332,12 @@ struct Maker {
     const FeModel mesh = plate_mesh(m, source.masses, source.at, &shape);
     return solve(mesh, source, shape, warnings);
   }
+  ModalData operator()(const SolidModel& m) const {
+    if (m.root.nearest() && source.boundary != Boundary::free)
+      refuse(source.at, "solid.root", Code::missing_key, "the nodes that the body frame holds", "none",
+             "root: {group: base}, {numbers: [1, 2, 3]}, {position: [0, 0, 0], normal: [1, 0, 0]} or {position: [0, 0, 0], within: 10 cm}");
+    return solve(solid_model(m, source.masses, source.at, warnings), source, {}, warnings);
+  }
   ModalData operator()(const LumpedModel& m) const {
     ModalData data = lumped_modal_data(m.mass_nodes, m.K, m.C, m.nodes);
     data.content_hash = content_hash(data);
@@ -321,7 +348,7 @@ struct Maker {
     if (!std::filesystem::exists(m.path, unusable))
       refuse(Code::file_not_found, {source.at.key_path.empty() ? "" : source.at.key_path + ".file", source.at.mark},
              "a modal file, relative to the folder of the vehicle", fmt::format("\"{}\"", m.path),
-             "`cardan modes` writes one of a beam or a plate");
+             "`cardan modes` writes one of a beam, a plate, solids or matrices");
     return read_modal_file(m.path);
   }
   ModalData operator()(const MatrixModel& m) const { return solve(matrix_mesh(m, source.masses, source.at), source, {}, warnings); }

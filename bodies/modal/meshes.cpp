@@ -126,6 +126,10 @@ std::vector<int> some_of(int n, int most) {
   return out;
 }
 
+void check_material(const Located& at, const std::string& field, const Material& material, Warnings* warnings) {
+  Checks{at, warnings}.material(field, material);
+}
+
 FeModel beam_mesh(const BeamModel& beam, const std::vector<PointMass>& masses, const Located& at, Warnings* warnings) {
   const Checks check{at, warnings};
   check.positive("length", beam.length, "m");

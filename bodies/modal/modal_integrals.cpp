@@ -64,11 +64,17 @@ ModalIntegrals modal_integrals(const MassField& f) {
   const auto count = static_cast<std::size_t>(m);
   // first[a](b, k) = sum m r_a phi_k,b        second[a][b](l, k) = sum m phi_l,a phi_k,b
   MatrixXd first[3], second[3][3];
+  const auto weighed = [&](const MatrixXd& x) -> MatrixXd {
+    if (f.between.size() > 0) return f.between * x;
+    return f.mass.asDiagonal() * x;
+  };
+  const MatrixXd places = weighed(f.position.transpose());
   for (int a = 0; a < 3; ++a) {
     first[a].resize(3, m);
+    const MatrixXd shapes = weighed(f.Phi[a]);
     for (int b = 0; b < 3; ++b) {
-      first[a].row(b) = (f.mass.array() * f.position.row(a).transpose().array()).matrix().transpose() * f.Phi[b];
-      second[a][b] = f.Phi[a].transpose() * f.mass.asDiagonal() * f.Phi[b];
+      first[a].row(b) = places.col(a).transpose() * f.Phi[b];
+      second[a][b] = shapes.transpose() * f.Phi[b];
     }
   }
   const auto next = [](int a) { return (a + 1) % 3; };
@@ -84,7 +90,7 @@ ModalIntegrals modal_integrals(const MassField& f) {
     out.I4.row(a) = first[b].row(c) - first[c].row(b);
   }
   out.I6 = second[0][0] + second[1][1] + second[2][2];
-  const Matrix3d moments = f.position * f.mass.asDiagonal() * f.position.transpose();
+  const Matrix3d moments = f.position * places;
   out.I7 = moments.trace() * Matrix3d::Identity() - moments;
   out.I5.assign(count, MatrixXd(3, m));
   out.I8.resize(count);

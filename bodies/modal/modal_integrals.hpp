@@ -3,6 +3,7 @@
 #include <Eigen/Core>
 #include <vector>
 
+#include "core/linalg/sparse_factor.hpp"
 #include "core/spatial/modal_data.hpp"
 
 namespace cardan {
@@ -15,6 +16,7 @@ struct MassField {
   Eigen::Matrix3Xd position;             // 3 x n [m]
   std::vector<Eigen::Matrix3d> inertia;  // n [kg m^2] about the point; empty: none
   Eigen::MatrixXd Phi[3], Psi[3];        // n x m each: x, y, z of translation and rotation; Psi unused without inertia
+  SparseMatrix between = {};             // n x n [kg] of m_ij x_i' x_j' for m_i x_i'^2, with row sums `mass`; empty: each point has its own
 };
 
 /// I1 ... I9 and the first-order rotary terms, as exact sums over the points.

@@ -31,11 +31,23 @@ struct BeamSection {
 BeamSection rectangle_section(double width_y, double height_z, bool shear = false);  // full sides; shear factor 5/6
 BeamSection tube_section(double outer_radius, double wall, bool shear = false);      // round; Cowper (1966), nu = 0.3
 
+/// Some nodes of a mesh of solids, by one of what stands here; by nothing: the node nearest to a place. One node stands for those that
+/// share an element with it.
+struct NodeSet {
+  std::vector<int> numbers;                          // as the file of the mesh numbers them
+  std::string group;                                 // the name of a physical group of Gmsh
+  double within = 0.0;                               // [m] of the place
+  Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // of a plane through the place
+  bool at_mean = false;                              // the place is the mean of the nodes'
+  bool nearest() const { return numbers.empty() && group.empty() && within == 0.0 && normal.isZero(0.0); }
+};
+
 /// A mass rigidly fixed to the nearest node of the mesh, which has to lie within one element of `position`.
 struct PointMass {
   double mass = 0.0;                                   // [kg]
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // [m]
   Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();   // [kg m^2] about the node, body axes
+  NodeSet nodes = {};                                  // of solids: what carries it
 };
 
 /// Straight beam from the origin along +x; section axes y, z are those of B.
@@ -90,6 +102,16 @@ struct MatrixModel {
   std::vector<std::string> root;  // the nodes that the body frame holds; empty: the one at the origin
 };
 
+/// A mesh of solid elements, of a file: docs/mathematics/modes.md, section 1. Its axes and origin are those of B.
+struct SolidModel {
+  enum class Units { si, mm_t_s };  // of the file: m, kg, Pa, or mm, t, MPa
+  std::string mesh;                 // bulk data of NASTRAN, or *.msh of Gmsh
+  Units units = Units::si;
+  std::vector<Material> material;                // of all elements; empty: the file has it
+  NodeSet root;                                  // what the body frame holds
+  Eigen::Vector3d at = Eigen::Vector3d::Zero();  // [m] the place of `root`
+};
+
 /// Ready-made modes on lumped masses: nothing is solved and nothing chosen.
 struct LumpedModel {
   std::vector<MassNode> mass_nodes;
@@ -109,6 +131,7 @@ struct NamedPoint {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // [m]
   bool interface = false;                              // Boundary::craig_bampton: an outboard hinge attaches here
   Eigen::Matrix3d R_BN = Eigen::Matrix3d::Identity();  // node axes to body axes, undeformed
+  NodeSet nodes = {};                                  // of solids: those that move it
 };
 
 enum class Boundary {
@@ -127,8 +150,8 @@ struct ModeChoice {
 };
 
 struct ModalSource {
-  std::variant<BeamModel, PlateModel, LumpedModel, FileModel, MatrixModel> model;
-  Boundary boundary = Boundary::cantilever;  // this and what follows: beam, plate and matrices only
+  std::variant<BeamModel, PlateModel, LumpedModel, FileModel, MatrixModel, SolidModel> model;
+  Boundary boundary = Boundary::cantilever;  // this and what follows: not of lumped masses and files
   ModeChoice modes;
   std::vector<double> damping = {0.005};  // [-] modal damping ratio: one for all, or one for each kept mode
   std::vector<NamedPoint> points;

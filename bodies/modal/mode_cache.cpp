@@ -80,17 +80,25 @@ class Content {
     for (const std::string* file : {&nodes, &mass, &stiffness, &damping}) add(file->empty() ? std::string() : sha256_of_file(*file));
     add(root);
   }
+  void add(const NodeSet& x) {
+    const auto& [numbers, group, within, normal, at_mean] = x;
+    all(numbers, group, within, normal, at_mean);
+  }
+  void add(const SolidModel& x) {
+    const auto& [mesh, units, material, root, place] = x;
+    all(sha256_of_file(mesh), mesh.substr(mesh.rfind('.') + 1), static_cast<int>(units), material, root, place);
+  }
   void add(const ModeChoice& x) {
     const auto& [count, max_frequency, effective_mass] = x;
     all(count, max_frequency, effective_mass);
   }
   void add(const NamedPoint& x) {
-    const auto& [name, position, interface, R_BN] = x;
-    all(name, position, interface, R_BN);
+    const auto& [name, position, interface, R_BN, nodes] = x;
+    all(name, position, interface, R_BN, nodes);
   }
   void add(const PointMass& x) {
-    const auto& [mass, position, inertia] = x;
-    all(mass, position, inertia);
+    const auto& [mass, position, inertia, nodes] = x;
+    all(mass, position, inertia, nodes);
   }
   void add(const ModalSource& x) {
     const auto& [model, boundary, modes, damping, points, masses, at] = x;  // errors point to `at`, nothing depends on it

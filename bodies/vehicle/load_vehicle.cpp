@@ -32,7 +32,7 @@ Diagnostic in_words_of_the_vehicle(Diagnostic d, const std::string& path, const 
   const bool in_a_file = !d.at.mark.file.empty() && d.at.mark.file != spec.source_file;
   const SourceMark mark = d.at.mark;
   d.at = spec.locate(path);
-  for (const char* model : {".", ".plate.", ".beam.", ".lumped.", ".matrices."})
+  for (const char* model : {".", ".plate.", ".beam.", ".lumped.", ".matrices.", ".solid."})
     if (spec.marks.count(path + model + field)) d.at = spec.locate(path + model + field);
   if (in_a_file) d.at.mark = mark;
   return d;

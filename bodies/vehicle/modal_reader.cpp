@@ -21,7 +21,7 @@ class ModalReader {
     ModalSource source;
     source.at = modal.at();
     MapReader map(modal, context_);
-    const auto form = map.one({"beam", "plate", "lumped", "file", "matrices"});
+    const auto form = map.one({"beam", "plate", "lumped", "file", "matrices", "solid"});
     if (form) {
       const auto& [kind, value] = *form;
       if (kind == 0) source.model = read_beam(value);
@@ -29,7 +29,8 @@ class ModalReader {
       if (kind == 2) source.model = read_lumped(value);
       if (kind == 3) source.model = read_file(value);
       if (kind == 4) source.model = read_matrices(value);
-      if (kind <= 1 || kind == 4) read_solution(map, source);
+      if (kind == 5) source.model = read_solid(value);
+      if (kind <= 1 || kind >= 4) read_solution(map, source);
       const auto* matrices = std::get_if<MatrixModel>(&source.model);
       const auto ratios = map.is_map() ? map.find("damping") : std::nullopt;
       if (matrices && !matrices->damping.empty() && ratios)
@@ -154,6 +155,59 @@ class ModalReader {
     return matrices;
   }
 
+  SolidModel read_solid(const DocRef& value) {
+    SolidModel solid;
+    MapReader map(value, context_);
+    constexpr const char* kMesh = "the name of a mesh: bulk data of NASTRAN, or *.msh of Gmsh";
+    if (const auto mesh = map.require("mesh", kMesh)) solid.mesh = read_path(*mesh, kMesh);
+    static const std::vector<std::string> kUnits = {"SI", "mm_t_s"};
+    if (const auto units = map.find("units")) {
+      const int choice = read_choice(*units, kUnits, "units of the mesh", Code::wrong_type, context_);
+      if (choice >= 0) solid.units = static_cast<SolidModel::Units>(choice);
+    } else {
+      map.note_default("units", kUnits[0]);
+    }
+    if (map.is_map() && map.find("material")) solid.material = {read_material(map, "material")};
+    if (const auto root = map.find("root")) {
+      MapReader reader(*root, context_);
+      solid.root = read_nodes(reader, solid.at);
+      reader.finish();
+      if (reader.is_map() && solid.root.nearest()) context_.sink.report(Code::missing_key, root->at(), kNodeSet, "none of them");
+    }
+    map.finish();
+    return solid;
+  }
+
+  static constexpr const char* kNodeSet = "numbers, group, within (of position) or normal (of a plane through position)";
+  /// Which nodes of a mesh of solids, and their place.
+  NodeSet read_nodes(MapReader& map, Eigen::Vector3d& position) {
+    NodeSet set;
+    const auto numbers = map.find("numbers"), group = map.find("group"), within = map.find("within"), normal = map.find("normal");
+    if (bool(numbers) + bool(group) + bool(within) + bool(normal) > 1)
+      context_.sink.report(Code::wrong_type, map.ref().at(), std::string("one of ") + kNodeSet, "several");
+    if (numbers)
+      for (const DocRef& number : items(*numbers, "a list of numbers of nodes")) set.numbers.push_back(read_integer(number, 1, context_));
+    if (numbers && set.numbers.empty() && numbers->node->kind == Kind::list)
+      context_.sink.report(Code::wrong_type, numbers->at(), "numbers of nodes", "an empty list");
+    if (group) {
+      set.group = read_text(*group, "the name of a group", context_);
+      if (set.group.empty()) context_.sink.report(Code::wrong_type, group->at(), "the name of a group", "an empty text");
+    }
+    if (within) {
+      set.within = read_number(*within, "m", context_);
+      if (!(set.within > 0.0))
+        context_.sink.report(Code::out_of_range, within->at(), "a number > 0 [m]", fmt::format("{:g} m", set.within));
+    }
+    if (normal) {
+      const std::vector<double> n = read_numbers(*normal, "1", 3, context_);
+      if (n.size() == 3) set.normal = {n[0], n[1], n[2]};
+      if (n.size() == 3 && !(set.normal.norm() > 0.0)) context_.sink.report(Code::out_of_range, normal->at(), "a direction", "zero");
+    }
+    set.at_mean = (numbers || group) && !map.find("position");
+    if (!set.at_mean) position = map.vector("position", "m");
+    return set;
+  }
+
   /// A file beside the one that names it.
   std::string read_path(const DocRef& value, std::string_view what) {
     const std::filesystem::path path = read_text(value, what, context_);
@@ -235,6 +289,13 @@ class ModalReader {
     return matrix;
   }
 
+  void read_place(MapReader& map, const ModalSource& source, Eigen::Vector3d& position, NodeSet& nodes) {
+    if (std::holds_alternative<SolidModel>(source.model))
+      nodes = read_nodes(map, position);
+    else
+      position = map.vector("position", "m");
+  }
+
   /// What beams and plates have in common: what is held, which modes are kept, their damping, points and masses.
   void read_solution(MapReader& map, ModalSource& source) {
     static const std::vector<std::string> kBoundaries = {"cantilever", "free", "craig_bampton"};
@@ -260,7 +321,10 @@ class ModalReader {
       for (std::size_t i = 0; i < nodes->node->keys.size(); ++i) {
         const std::string& name = nodes->node->keys[i].name;
         MapReader reader(nodes->item(i), context_);
-        source.points.push_back({name, reader.vector("position", "m"), reader.flag("interface", false)});
+        source.points.push_back({.name = name});
+        NamedPoint& point = source.points.back();
+        read_place(reader, source, point.position, point.nodes);
+        point.interface = reader.flag("interface", false);
         if (const auto orientation = reader.find("orientation")) source.points.back().R_BN = read_orientation(*orientation, context_);
         reader.finish();
       }
@@ -268,7 +332,8 @@ class ModalReader {
     if (const auto masses = map.find("masses"))
       for (const DocRef& item : items(*masses, "a list of {mass, position, inertia}")) {
         MapReader reader(item, context_);
-        PointMass point{reader.number("mass", "kg"), reader.vector("position", "m"), Eigen::Matrix3d::Zero()};
+        PointMass point{.mass = reader.number("mass", "kg")};
+        read_place(reader, source, point.position, point.nodes);
         if (const auto inertia = reader.find("inertia")) point.inertia = read_point_inertia(*inertia, point.mass);
         reader.finish();
         source.masses.push_back(std::move(point));

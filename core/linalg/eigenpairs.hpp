@@ -21,8 +21,10 @@ struct Eigenpairs {
 /// 1e-6, the first counts); values closer than 1e-8 (lambda - sigma) form a cluster, whose basis is fixed by its
 /// subspace alone: the first vector alone reaches the row of largest norm, the second that of what is left, and so on.
 /// Pairs whose residual is too large are refined by inverse iteration first: high pairs lose digits to low ones, nu = 1 / (lambda -
-/// sigma) being small beside the largest. `beyond`, if given, takes the next pairs that were found on the way (0 to 4, not checked).
-Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k, double sigma, Eigenpairs* beyond = nullptr);
+/// sigma) being small beside the largest. `beyond`, if given, takes the next pairs that were found on the way (0 to 4, not checked);
+/// `at_sigma` is the factor of K - sigma M, where there is one already.
+Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k, double sigma, Eigenpairs* beyond = nullptr,
+                             const SparseFactor* at_sigma = nullptr);
 
 /// The same from operators: `inverse` applies (K - sigma M)^-1, positive definite, and `mass` applies M. No residual
 /// and no inertia check is possible here. Up to about 2 k unknowns a dense solver is used.

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <mutex>
 #include <numeric>
+#include <optional>
 #include <vector>
 
 #include "core/base/poll.hpp"
@@ -193,7 +194,8 @@ Eigenpairs lowest_eigenpairs(const LinearOperator& inverse, const LinearOperator
   return out;
 }
 
-Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k, double sigma, Eigenpairs* beyond) {
+Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k, double sigma, Eigenpairs* beyond,
+                             const SparseFactor* at_sigma) {
   const int n = static_cast<int>(K.rows());
   const auto infinity_norm = [n](const SparseMatrix& A) {
     VectorXd sums = VectorXd::Zero(n);
@@ -206,7 +208,9 @@ Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k
     A.makeCompressed();
     return SparseFactor(A);
   };
-  const SparseFactor factor = shifted(sigma);
+  std::optional<SparseFactor> own;
+  if (!at_sigma) own.emplace(shifted(sigma));
+  const SparseFactor& factor = at_sigma ? *at_sigma : *own;
   if (factor.negative_pivots() > 0) throw LinalgError(fmt::format("{} eigenvalues lie below the shift", factor.negative_pivots()));
   const auto solve = [&](const VectorXd& x, VectorXd& y) { y = factor.solve(x); };
   const auto multiply = [&](const VectorXd& x, VectorXd& y) { y.noalias() = M * x; };

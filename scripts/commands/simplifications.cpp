@@ -19,7 +19,7 @@ ScenarioOptions with(ScenarioOptions options, const Sets& sets) {
 /// Whether a body takes fewer modes than it has: those of a beam, a plate, a mesh are as many as are asked for.
 const DocNode* made_modes(const BodySpec& body) {
   if (!body.modal_source) return nullptr;
-  for (const char* source : {"beam", "plate", "matrices"})
+  for (const char* source : {"beam", "plate", "matrices", "solid"})
     if (const DocNode* made = body.modal_source->find(source)) return made;
   return nullptr;
 }

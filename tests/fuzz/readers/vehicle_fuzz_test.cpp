@@ -91,6 +91,10 @@ const std::vector<std::string> kWords = {"cardan",
                                          "plate",
                                          "lumped",
                                          "matrices",
+                                         "solid",
+                                         "mesh",
+                                         "normal",
+                                         "within",
                                          "file",
                                          "length",
                                          "width",
@@ -233,6 +237,45 @@ TEST(Fuzz, Matrices) {
     const std::string text = fuzz::mutated(good[changed], good, words, random);
     keep(files[changed] + "\n" + text);
     for (std::size_t i = 0; i < 3; ++i) fuzz::write(files[i], i == changed ? text : good[i]);
+    make_modal_data(source);
+  });
+}
+
+/// Meshes of solids: from their text to modes.
+TEST(Fuzz, SolidMeshes) {
+  const std::vector<std::string> good = {
+      "PSOLID,1,1\nMAT1,1,7.+10,,.3,2700.\nGRID,1,,0.,0.,0.\nGRID,2,,1.,0.,0.\nGRID,3,,1.,1.,0.\nGRID,4,,0.,1.,0.\nGRID,5,,0.,0.,1.\n"
+      "GRID,6,,1.,0.,1.\nGRID,7,,1.,1.,1.\nGRID           8              0.      1.      "
+      "1.\nCHEXA,1,1,1,2,3,4,5,6\n,7,8\nSPC1,1,123,1\nENDDATA\n",
+      "$MeshFormat\n2.2 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n0 7 \"base\"\n$EndPhysicalNames\n$Nodes\n8\n1 0 0 0\n2 1 0 0\n3 1 1 0\n4 0 "
+      "1 0\n"
+      "5 0 0 1\n6 1 0 1\n7 1 1 1\n8 0 1 1\n$EndNodes\n$Elements\n2\n9 15 2 7 1 1\n1 5 2 0 1 1 2 3 4 5 6 7 8\n$EndElements\n",
+      "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$PhysicalNames\n1\n3 7 \"base\"\n$EndPhysicalNames\n$Entities\n0 0 0 1\n1 0 0 0 1 1 1 1 7 "
+      "0\n$EndEntities\n"
+      "$Nodes\n1 8 1 8\n3 1 0 8\n1\n2\n3\n4\n5\n6\n7\n8\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n0 0 1\n1 0 1\n1 1 1\n0 1 1\n$EndNodes\n"
+      "$Elements\n1 1 1 1\n3 1 5 1\n1 1 2 3 4 5 6 7 8\n$EndElements\n"};
+  const std::vector<std::string> words = {"GRID", "GRID*", "CHEXA",  "CTETRA", "+",          "*",    "$",
+                                          ",",    "nan",   "1.-400", "-1",     "2147483648", "$End", "1e308"};
+  const TemporaryFolder dir;
+  ModalSource source;
+  source.modes.count = 2;
+  const auto model = [&](std::size_t i) {
+    SolidModel solid{dir / (i == 0 ? "mesh.bdf" : "mesh.msh"), SolidModel::Units::si, {}, {}, Eigen::Vector3d::Zero()};
+    if (i > 0) solid.material = {{70e9, 0.3, 2700.0}};
+    solid.root.normal = Eigen::Vector3d::UnitX();
+    return solid;
+  };
+  for (std::size_t i = 0; i < good.size(); ++i) {
+    source.model = model(i);
+    fuzz::write(model(i).mesh, good[i]);
+    EXPECT_EQ(make_modal_data(source).n_modes, 2) << i;
+  }
+  fuzz::run("solids", [&](Random& random, const Keep& keep) {
+    const std::size_t changed = random.below(good.size());
+    const std::string text = fuzz::mutated(good[changed], good, words, random);
+    source.model = model(changed);
+    keep(model(changed).mesh + "\n" + text);
+    fuzz::write(model(changed).mesh, text);
     make_modal_data(source);
   });
 }
