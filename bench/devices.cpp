@@ -47,7 +47,11 @@ SystemSpec with(SystemSpec spec, const Model& bare, const cardan_device_family& 
         d.params[p.name] = {1.0 + k, {}};
       else if (p.kind == CARDAN_CHOICE)
         d.params[p.name] = {std::string("sphere"), {}};  // of contact
-      else
+      else if (p.kind == CARDAN_TABLE) {
+        std::vector<double> rows;  // of which the first column grows
+        for (std::uint32_t j = 0; j < 4 * p.count; ++j) rows.push_back(j % p.count == 0 ? j / p.count + 1.0 : 0.1 * (j % p.count));
+        d.params[p.name] = {rows, {}};
+      } else
         d.params[p.name] = {std::vector<double>{0.0, 0.6, 0.8}, {}};
     }
     if (std::string_view(family.type) == "contact") d.params["from_radius"] = d.params["to_radius"] = {1e-3, {}};  // which do not touch

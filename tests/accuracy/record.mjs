@@ -52,7 +52,7 @@ const numbersShort = (text) => {
   return all.length > 4 ? [...all.slice(0, 3), `… (${all.length})`].join(", ") : all.join(", ");
 };
 const percent = (x) => `${x >= 0.1 ? (100 * x).toFixed(0) : short(100 * x).replace("e0", "")} %`;
-const share = (c) => c.difference / c.tolerance;
+const share = (c) => (c.difference === 0 ? 0 : c.difference / c.tolerance); // also of what has to be exact
 const row = (...cells) => `| ${cells.map(cell).join(" | ")} |`;
 
 /// Difference over tolerance of each comparison, by case: dots on a logarithmic axis.

@@ -21,26 +21,8 @@ local plant = sat:linearize {
   outputs = { "small_1.angle", "small_2.angle", "large_1.angle", "large_2.angle" },
 }
 
--- One tick of x' = A x + B u with u held: exp([A B; 0 0] / rate), by its series on a part of the tick, squared again and again.
-local n, inputs = plant.A:rows(), plant.B:cols()
-local function exponential()
-  local rows, unit = {}, {}
-  for i = 1, n + inputs do
-    rows[i], unit[i] = {}, {}
-    for j = 1, n + inputs do
-      rows[i][j] = (i > n and 0 or j <= n and plant.A(i, j) or plant.B(i, j - n)) / rate / 64
-      unit[i][j] = i == j and 1 or 0
-    end
-  end
-  local X, sum, term = matrix(rows), matrix(unit), matrix(unit)
-  for k = 1, 12 do
-    term = term * X * (1 / k)
-    sum = sum + term
-  end
-  for _ = 1, 6 do sum = sum * sum end
-  return sum
-end
-local step = exponential()
+-- One tick of x' = A x + B u with u held.
+local Ad, Bd = control.discretise(plant.A, plant.B, 1 / rate)
 
 -- The truth of the linear motion: modes (1, sqrt 2) and (1, -sqrt 2) of the angles from the vertical [Landau, Lifshitz, Mechanics, 23].
 local w = { math.sqrt((2 - math.sqrt(2)) * g / l), math.sqrt((2 + math.sqrt(2)) * g / l) }
@@ -55,7 +37,7 @@ local function truth(t)
 end
 
 local m = persist { x = {}, truth = 0, small = 0, large = 0 }
-for i = 1, n do m.x[i] = 0 end
+for i = 1, plant.A:rows() do m.x[i] = 0 end
 local function see(name, e) if not (e <= m[name]) then m[name] = e end end   -- a NaN stays
 local log = signals {
   ["linear/angle"] = { unit = "rad", components = { "small_1", "small_2", "large_1", "large_2" }, meaning = "of the linear model" },
@@ -76,11 +58,7 @@ controller {
     local u = t < p.pulse and p.torque or 0
     hinges[1]:torque(u)
     hinges[3]:torque(p.ratio * u)
-    local x = m.x
-    x[n + 1], x[n + 2] = u, p.ratio * u
-    local after = step * vector(x)
-    m.x = {}
-    for i = 1, n do m.x[i] = after[i] end
+    m.x = (Ad * vector(m.x) + Bd * vector { u, p.ratio * u }):table()
   end,
 }
 

@@ -1,5 +1,6 @@
---- Control moment gyros with one gimbal each: where their momentum points, and gimbal rates for a rate of momentum.
 local vec = require "cardan.vec"
+
+--- Control moment gyros with one gimbal each: where their momentum points, and gimbal rates for a rate of momentum.
 local cmg = {}
 
 ---@class CmgOptions
@@ -41,7 +42,7 @@ local function minor(m, i, j)
 end
 local function determinant(m) return m[1][1] * minor(m, 1, 1) + m[1][2] * minor(m, 1, 2) + m[1][3] * minor(m, 1, 3) end
 
---- Rates are A* (A A* + lambda E)^-1 h'/h_0: least norm away from singular places, damped near them (singularity-robust inverse: Nakamura,
+--- Momentum of gyros that stand so, and how to steer them. Rates are A* (A A* + lambda E)^-1 h'/h_0: least norm away from singular places, damped near them (singularity-robust inverse: Nakamura,
 --- Hanafusa 1986; Bedrossian, Paradiso, Bergmann, Rowell 1990), with E off the diagonal as Wie, Bailey, Heiberg 2001 have it.
 ---@param options CmgOptions
 ---@param steering? CmgSteering
@@ -72,7 +73,7 @@ function cmg.cluster(options, steering)
   end
 
   local cluster = {}
-  function cluster.momentum(angles)
+  cluster.momentum = function(angles)
     expect(angles, "gimbal angles")
     local sum = { 0, 0, 0 }
     for i = 1, n do
@@ -81,7 +82,7 @@ function cmg.cluster(options, steering)
     end
     return sum
   end
-  function cluster.jacobian(angles)
+  cluster.jacobian = function(angles)
     expect(angles, "gimbal angles")
     local J = {}
     for i = 1, n do
@@ -90,7 +91,7 @@ function cmg.cluster(options, steering)
     end
     return J
   end
-  function cluster.momentum_rate(angles, rates)
+  cluster.momentum_rate = function(angles, rates)
     expect(rates, "gimbal rates")
     local sum = { 0, 0, 0 }
     for i, column in ipairs(cluster.jacobian(angles)) do
@@ -107,8 +108,8 @@ function cmg.cluster(options, steering)
     end
     return m
   end
-  function cluster.measure(angles) return determinant(gram(cluster.jacobian(angles))) end
-  function cluster.rates(momentum_rate, angles, t)
+  cluster.measure = function(angles) return determinant(gram(cluster.jacobian(angles))) end
+  cluster.rates = function(momentum_rate, angles, t)
     local J = cluster.jacobian(angles)
     local m = gram(J)
     local lambda = by.lambda * math.exp(-by.mu * determinant(m))
