@@ -150,7 +150,7 @@ class VehicleReader {
     if (!family) return spec_.fields.push_back(std::move(field));  // reported by compile(); its keys depend on the type
     read_params(map, {family->params, family->n_params}, field.params);
     if (const auto outside = map.find("outside"))
-      field.hold = read_choice(*outside, {"refuse", "hold"}, "what happens beyond its limits:", Code::wrong_type, context_) == 1;
+      field.hold = read_choice(*outside, {"refuse", "hold"}, "what happens beyond its limits", Code::wrong_type, context_) == 1;
     map.finish();
     spec_.fields.push_back(std::move(field));
   }
