@@ -3,9 +3,12 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <fstream>
 
+#include "bodies/modal/eigen_modes.hpp"
+#include "bodies/modal/mode_audit.hpp"
 #include "bodies/modal/mode_cache.hpp"
 #include "bodies/modal/solids.hpp"
 #include "tests/bodies/modal/solid_samples.hpp"
@@ -287,6 +290,103 @@ TEST_F(SolidFiles, AreTakenByTheModesOfABodyAndItsCache) {
   EXPECT_NE(ModeCache::name_of(by_bulk), name) << "the content of the mesh";
   std::get<SolidModel>(by_gmsh.model).material.clear();
   EXPECT_THROW(make_modal_data(by_gmsh), InputError);
+}
+
+/// A free body: mean axes, the frequencies of its matrices, and a root that moves with its set as one rigid frame.
+TEST_F(SolidFiles, OfAFreeBodyMoveAboutMeanAxes) {
+  const SolidMesh mesh =
+      test::block(SolidShape::hexa20, {6, 1, 1}, [](const Vector3d& s) { return Vector3d(1.2 * s.x(), 0.2 * s.y(), 0.125 * s.z()); },
+                  {70e9, 0.3, 2700.0});
+  ModalSource source;
+  SolidModel solid{write("a.bdf", bulk_of(mesh, Fields::large)), SolidModel::Units::si, {}, {}, Vector3d::Zero()};
+  source.model = solid;
+  source.boundary = Boundary::free;
+  source.modes.count = 5;
+  source.points = {{.name = "tip", .position = {1.2, 0, 0}}};
+  source.points[0].nodes.normal = Vector3d::UnitX();
+  Warnings warnings;
+  const ModalData nearest = make_modal_data(source, &warnings);
+  EXPECT_TRUE(warnings.all().empty());
+  const FeModel model = solid_mesh(read_bulk_data(solid.mesh, solid.units, {}), {}, {});
+  const FeModes modes = normal_modes(model, {}, 5, RigidModes::remove, {});
+  EXPECT_LE((nearest.K.diagonal() - modes.omega2).norm(), 1e-12 * modes.omega2.norm());
+  const Eigen::MatrixXd momenta = model.rigid_shapes().transpose() * (model.M * modes.shapes);
+  EXPECT_LE(momenta.norm(), 1e-10);
+  EXPECT_TRUE(nearest.integrals.I3.isZero(0.0));
+  // Free and free: the first bending mode of a beam 1.2 x 0.125 m, (4.730 / L)^2 sqrt(EI / rho A), less what shear and rotary inertia take.
+  const double thin = std::pow(4.730041 / 1.2, 2) * std::sqrt(70e9 * 0.125 * 0.125 / 12 / 2700);
+  EXPECT_NEAR(std::sqrt(modes.omega2(0)) / thin, 1.0 - 0.03, 0.02);
+
+  solid.root.normal = Vector3d::UnitX();
+  source.model = solid;
+  const ModalData by_face = make_modal_data(source);
+  EXPECT_EQ(by_face.nodes[0].position, Vector3d::Zero());
+  NodeSet face;
+  face.normal = Vector3d::UnitX();
+  const Eigen::MatrixXd want = solid_grip(model, face, Vector3d::Zero(), "root", {}).of(modes.shapes, 3);
+  EXPECT_LE((by_face.nodes[0].Phi - want.topRows(3)).norm(), 1e-9 * want.norm());
+  EXPECT_LE((by_face.nodes[0].Psi - want.bottomRows(3)).norm(), 1e-9 * want.norm());
+  EXPECT_GT(want.bottomRows(3).norm(), 0.1);
+
+  SolidMesh far = mesh;  // no node near the origin, and no root
+  for (Vector3d& x : far.nodes) x.y() += 9.0;
+  solid.root = {};
+  write("a.bdf", bulk_of(far, Fields::large));
+  source.model = solid;
+  source.points.clear();
+  try {
+    make_modal_data(source);
+    ADD_FAILURE();
+  } catch (const InputError& e) {
+    EXPECT_EQ(e.diagnostics().front().at.key_path, "solid.root");
+  }
+}
+
+/// Of all modes of a body the effective masses add up to its rigid mass, less what the held nodes carry themselves.
+TEST_F(SolidFiles, HaveEffectiveMassesThatAddUp) {
+  const SolidMesh mesh = test::block(SolidShape::penta15, {2, 1, 1},
+                                     [](const Vector3d& s) { return Vector3d(s.x(), 0.5 * s.y(), 0.5 * s.z()); }, {70e9, 0.3, 2700.0});
+  const FeModel model = solid_mesh(mesh, {}, {});
+  std::vector<int> root;
+  for (int i = 0; i < static_cast<int>(model.nodes.size()); ++i)
+    if (model.nodes[static_cast<std::size_t>(i)].x() < 1e-9) root.push_back(i);
+  const std::vector<int> held = dofs_of(root, 3);
+  const FreePart free(model.n_dofs(), held);
+  const int all = static_cast<int>(free.dofs.size());
+  const FeModes modes = normal_modes(model, held, all, RigidModes::refuse, {});
+  const auto records = audit_modes(model, modes, {});
+  Eigen::Matrix<double, 6, 1> sum = Eigen::Matrix<double, 6, 1>::Zero();
+  for (const ModeRecord& r : records) sum += r.effective_mass;
+  // What moves without the held dofs: R* M R of the free ones with their coupling, M_fr M_ff^-1 M_fr.
+  const Eigen::MatrixXd MR = model.M * model.rigid_shapes();
+  Eigen::MatrixXd load(all, 6);
+  for (int i = 0; i < all; ++i) load.row(i) = MR.row(free.dofs[static_cast<std::size_t>(i)]);
+  const Eigen::MatrixXd moved = load.transpose() * SparseFactor(free.block(model.M)).solve(load);
+  EXPECT_LE((sum - moved.diagonal()).norm(), 1e-9 * sum.norm());
+}
+
+TEST_F(SolidFiles, InOtherUnitsThanSaidAreDoubted) {
+  const SolidMesh mesh = test::block(SolidShape::hexa8, {2, 1, 1}, [](const Vector3d& s) { return s; }, {});
+  ModalSource source;
+  SolidModel solid{write("mm.bdf", bulk_of(mesh, Fields::large, "7.0+4", "2.7-9", 1e3)), SolidModel::Units::si, {}, {}, Vector3d::Zero()};
+  solid.root.normal = Vector3d::UnitX();
+  source.model = solid;
+  source.modes.count = 1;
+  source.at.key_path = "modal";
+  Warnings warnings;
+  make_modal_data(source, &warnings);
+  std::vector<std::string> about;
+  const auto of_material = [](const Warning& w) { return number_of(w.what.code) == std::string("W0302"); };  // not of one mode that is kept
+  for (const Warning& w : warnings.all()) {
+    if (!of_material(w)) continue;
+    EXPECT_EQ(w.what.at.key_path.substr(0, 20), "modal.solid.material");
+    about.push_back(w.what.hint);
+  }
+  EXPECT_EQ(about.size(), 2u);
+  std::get<SolidModel>(source.model).units = SolidModel::Units::mm_t_s;
+  Warnings none;
+  make_modal_data(source, &none);
+  EXPECT_TRUE(std::ranges::none_of(none.all(), of_material));
 }
 
 }  // namespace
