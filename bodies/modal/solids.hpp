@@ -32,7 +32,7 @@ SolidShapes shapes_at(SolidShape, const Eigen::Vector3d& place);
 struct SolidMatrices {
   Eigen::MatrixXd K, m;
 };
-/// Needs orientation() > 0.
+/// The least of determinants() has to be above 0.
 SolidMatrices solid_matrices(SolidShape, const Eigen::Matrix3Xd& x, const Material&);
 /// The least and the largest determinant of the mapping [m^3], at the nodes and the points of integration.
 std::pair<double, double> determinants(SolidShape, const Eigen::Matrix3Xd& x);
@@ -53,7 +53,8 @@ struct SolidMesh {
   std::map<std::string, std::vector<int>> groups;  // nodes by the name of their group
   std::vector<std::string> passed_over;            // what the file has and a body does not take: "SPC1 (12)"
 };
-/// Of bulk data of NASTRAN, and of *.msh of Gmsh. Throw InputError: C0102, C0321 and C0323, with the line of the file.
+/// Of bulk data of NASTRAN, and of *.msh of Gmsh. Throw InputError: C0102, C0321, C0323 and, of what would change the body
+/// and is not taken, C0401, with the line of the file.
 SolidMesh read_bulk_data(const std::string& path, SolidModel::Units, const Located& at);
 SolidMesh read_gmsh(const std::string& path, SolidModel::Units, const Located& at);
 

@@ -100,16 +100,14 @@ std::optional<Riccati> discrete_riccati(const MatrixXd& A, const MatrixXd& B, co
   return Riccati{*X, K, residual};
 }
 
-MatrixXd exponential(const MatrixXd& A) { return A.exp(); }
-
 Discretised discretised(const MatrixXd& A, const MatrixXd& B, const MatrixXd& W, double dt) {
   const Index n = A.rows(), m = B.cols();
   MatrixXd both = MatrixXd::Zero(n + m, n + m), noise(2 * n, 2 * n);
   both.topRows(n) << A * dt, B * dt;
-  const MatrixXd step = exponential(both);
+  const MatrixXd step = both.exp();
   const MatrixXd Ad = step.topLeftCorner(n, n);
   noise << -A * dt, W * dt, MatrixXd::Zero(n, n), A.transpose() * dt;
-  const MatrixXd spread = exponential(noise);
+  const MatrixXd spread = noise.exp();
   return {Ad, step.topRightCorner(n, m), symmetric(Ad * spread.topRightCorner(n, n))};
 }
 

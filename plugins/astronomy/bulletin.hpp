@@ -15,8 +15,8 @@ struct EarthRotation {
   double x, y, ut1_tai, dX, dY;
 };
 
-/// A file of days, at 0 h of UTC each. Between them by the cubic through the four nearest: to 2e-5 s of UT1, of which tides within a day
-/// are as much again.
+/// A file of days, at 0 h of UTC each. Between them by the cubic through the four nearest: to 1e-5 s of UT1; tides within a day are
+/// left out.
 class Bulletin {
  public:
   /// The one that `file` contains: `finals2000A` as the IERS prints it, or CSV, by , or ;, whose first line names the columns mjd, x, y,
