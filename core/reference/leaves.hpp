@@ -9,6 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "core/reference/plain_matrices.hpp"
+
 namespace cardan::reference {
 
 template <class T>
