@@ -71,11 +71,11 @@ void expect_channels(Scenario& s) {
   }
 }
 
-/// quat, vec, allocation, elliptic, cmg, slosh.
+/// quat, vec, allocation, elliptic, cmg, slosh, slew, orbit.
 void run_prelude(Scenario& s) {
-  s.lua.run_text(
-      "[cardan]",
-      "for _, name in ipairs { 'quat', 'vec', 'allocation', 'elliptic', 'cmg', 'slosh' } do _G[name] = require('cardan.' .. name) end");
+  s.lua.run_text("[cardan]",
+                 "for _, name in ipairs { 'quat', 'vec', 'allocation', 'elliptic', 'cmg', 'slosh', 'slew', 'orbit' } do _G[name] = "
+                 "require('cardan.' .. name) end");
 }
 
 /// With all that scripts see, before any script.

@@ -1,0 +1,100 @@
+-- Turns within limits, shapers by what makes them, and the same torque for the rigid bus plain and shaped: what is left in the boom.
+local sat = vehicle "vehicle.yaml"
+local plain, shaped = sat:hinge "plain", sat:hinge "shaped"
+local modes = { plain = sat:modes "plain_boom", shaped = sat:modes "shaped_boom" }
+local function near(name, value, expected, tolerance)
+  local off = math.abs(value - expected)
+  assert(off <= tolerance, ("%s: %.17g, expected %.17g"):format(name, value, expected))
+end
+
+-- Shapers: published shares; with the mode exp(s t), s = z w + i w_d, the sum of shares is zero, of zvd and zvdd its derivatives too.
+local published = { zv = { 0.503927, 0.496073 }, zvd = { 0.253942, 0.499969, 0.246088 } }
+for kind, order in pairs { zv = 0, zvd = 1, zvdd = 2 } do
+  for i, share in ipairs(published[kind] or {}) do near(kind, slew.shaper(kind, 0.3, 0.005)[i].share, share, 1e-6) end
+  local f, z = 0.37, 0.08
+  local w = 2 * math.pi * f
+  for power = 0, order do
+    local re, im, all = 0, 0, 0
+    for _, impulse in ipairs(slew.shaper(kind, f, z)) do
+      local size = impulse.share * impulse.time ^ power * math.exp(z * w * impulse.time)
+      local phase = w * math.sqrt(1 - z * z) * impulse.time
+      re, im, all = re + size * math.cos(phase), im + size * math.sin(phase), all + impulse.share
+    end
+    near(kind .. " re", re, 0, 1e-13)
+    near(kind .. " im", im, 0, 1e-13)
+    near(kind .. " sum", all, 1, 1e-15)
+  end
+end
+
+-- Profiles: the turn asked for, no faster than allowed, as fast as that; rate and acceleration are derivatives.
+local from, turn = quat.from_axis_angle({ 1, 2, -0.5 }, 0.7), { 0.3, -0.2, 0.5 }
+local far = vec.norm(turn)
+local to = quat.multiply(from, quat.from_axis_angle(turn, far))
+for _, limits in ipairs { { 0.02, 0.001 }, { 5, 0.001 } } do
+  for _, kind in ipairs { "trapezoid", "versine", "quintic" } do
+    for _, shapers in ipairs { {}, { slew.shaper("zv", 0.01, 0.01), slew.shaper("zvd", 0.03) } } do
+      local rate, acceleration = table.unpack(limits)
+      local plan = slew.plan { from = from, to = to, rate = rate, acceleration = acceleration, profile = kind, shapers = shapers, start = 3 }
+      near("angle", plan.angle, far, 1e-14)
+      near("axis", vec.norm(vec.sub(plan.axis, vec.unit(turn))), 0, 1e-14)
+      near("before", vec.norm(quat.error(from, (plan.at(3)))), 0, 1e-15)
+      near("end", vec.norm(quat.error(to, (plan.at(3 + plan.duration)))), 0, 1e-14)
+      local fastest, hardest, h = 0, 0, 1e-4 * plan.duration
+      for i = 0, 1000 do
+        local t = 3 + i / 1000 * plan.duration
+        local q, w, a = plan.at(t)
+        fastest, hardest = math.max(fastest, vec.norm(w)), math.max(hardest, vec.norm(a))
+        local ahead, w2 = plan.at(t + h)
+        near("rate", vec.norm(vec.sub(vec.scale(1 / h, quat.error(q, ahead)), vec.scale(0.5, vec.add(w, w2)))), 0, 1.1 * acceleration * h)
+        near("acceleration", vec.norm(vec.sub(vec.scale(1 / h, vec.sub(w2, w)), a)), 0, kind == "trapezoid" and 2.1 * acceleration or 0.01 * acceleration)
+      end
+      assert(fastest <= rate * (1 + 1e-12) and hardest <= acceleration * (1 + 1e-12), "too fast")
+      if #shapers == 0 then assert(fastest > 0.999 * rate or hardest > 0.999 * acceleration, "slower than it may be") end
+    end
+  end
+end
+local none = slew.plan { from = from, to = { -from[1], -from[2], -from[3], -from[4] }, rate = 1, acceleration = 1 }
+assert(none.duration < 1e-6 and vec.norm(quat.error(from, (none.at(1)))) < 1e-15)
+for expected, call in pairs {
+  ["zv, zvd or zvdd, got ei"] = function() slew.shaper("ei", 1) end,
+  ["a frequency > 0 Hz, got 0"] = function() slew.shaper("zv", 0) end,
+  ["a damping from 0 to below 1, got 1"] = function() slew.shaper("zv", 1, 1) end,
+  ["a rate > 0, got nil"] = function() slew.plan { from = from, to = to, acceleration = 1 } end,
+  ["to of length 1, got 2"] = function() slew.plan { from = from, to = { 2, 0, 0, 0 }, rate = 1, acceleration = 1 } end,
+  ["the profile trapezoid, versine or quintic, got cubic"] = function() slew.plan { from = from, to = to, rate = 1, acceleration = 1, profile = "cubic" } end,
+} do
+  local ok, why = pcall(call)
+  assert(not ok and why:find(expected, 1, true), why)
+end
+
+-- The boom after a turn: shaped for its first two modes in the plane of the turn, with the bus free to turn back.
+initial { plain = { angle = 0 } }
+mission { duration = "80 s", integrator = { method = "dop853", relative = 1e-10 }, output = { rate = "10 Hz" } }
+local m, L, r = 2700 * 4 * 0.04 * 0.02, 4, 0.5
+local inertia = 80 + m * (L * L / 3 + L * r + r * r)
+local target = quat.from_axis_angle({ 0, 1, 0 }, math.rad(60))
+local still = { 1, 0, 0, 0 }
+local now = sat:system_modes { elastic = 6 }
+local shapers = {}
+for i = now.first_elastic, now.first_elastic + 5, 2 do  -- each twice: two vehicles
+  shapers[#shapers + 1] = slew.shaper("zv", now.frequency[i], now.damping[i])
+end
+local limits = { from = still, to = target, rate = math.rad(2), acceleration = math.rad(0.5) }
+local bare = slew.plan(limits)
+limits.shapers = shapers
+local soft = slew.plan(limits)
+local left = persist { plain = 0, shaped = 0 }
+controller { name = "turn", rate = "200 Hz", step = function(t)
+  for name, plan in pairs { plain = bare, shaped = soft } do
+    local _, _, acceleration = plan.at(t)
+    sat:hinge(name):force(inertia * acceleration[2])
+    if t > plan.duration + 0.01 then
+      local one = modes[name]
+      left[name] = math.max(left[name], math.abs(one:eta(1)) + math.abs(one:eta(2)) + math.abs(one:eta(3)))
+    end
+  end
+end }
+check { name = "both turn", unit = "deg", value = function() return math.deg(math.abs(plain:angle() - shaped:angle())) end, below = 0.1 }
+check { name = "where they should", unit = "deg", value = function() return math.deg(shaped:angle()) end, equal = { 60, tolerance = 0.05 } }
+check { name = "plain, something is left", value = function() return left.plain end, above = 1e-3 }
+check { name = "shaped, 1 % of that", value = function() return left.shaped / left.plain end, below = 0.01 }
