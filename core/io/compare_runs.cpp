@@ -44,6 +44,17 @@ std::vector<double> component_at(const Column& c, std::size_t component, const s
   return out;
 }
 
+/// Those of `rows` whose times are the same to the bit.
+CommonRows same_instants(const CommonRows& rows, std::span<const double> first, std::span<const double> second) {
+  CommonRows out;
+  for (std::size_t i = 0; i < rows.first.size(); ++i) {
+    if (first[rows.first[i]] != second[rows.second[i]]) continue;
+    out.first.push_back(rows.first[i]);
+    out.second.push_back(rows.second[i]);
+  }
+  return out;
+}
+
 }  // namespace
 
 std::string_view name_of(Agreement a) {
@@ -115,7 +126,8 @@ bool RunDifference::pass(bool at_common_times) const {
 
 RunDifference compare_runs(const RunColumns& first, const RunColumns& second, const Tolerance& tolerance, Agreement agreement) {
   RunDifference out;
-  const CommonRows common = common_rows(first.times, second.times);
+  CommonRows common = common_rows(first.times, second.times);
+  if (agreement == Agreement::same_bits) common = same_instants(common, first.times, second.times);
   out.rows = common.first.size();
   out.rows_of_first = first.times.size();
   out.rows_of_second = second.times.size();

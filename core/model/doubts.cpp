@@ -100,8 +100,14 @@ void add_passed_stops(const Model& m, const double* q, Warnings& found) {
 /// What pushes two nodes against each other needs two that move against each other.
 void add_idle_devices(const Model& m, Warnings& found) {
   const auto pushes = [](const DeviceMount& mount) { return mount.node >= 0 && (mount.use & CARDAN_USE_LOAD) != 0; };
+  const auto stands = [](const DeviceMount& mount) { return mount.node < 0 && mount.v < 0 && mount.field < 0; };  // at the world
   for (const Device& d : m.devices.all) {
-    if ((d.family->facts & CARDAN_FACT_INTERNAL) == 0 || d.mounts.size() != 2 || !std::ranges::all_of(d.mounts, pushes)) continue;
+    if ((d.family->facts & CARDAN_FACT_INTERNAL) == 0 || d.mounts.size() != 2) continue;
+    if (std::ranges::all_of(d.mounts, stands))
+      found.add(Code::no_effect, m.spec->locate("devices." + d.name),
+                fmt::format("{} and {} are both at the world: it pushes nothing", d.family->mounts[0].name, d.family->mounts[1].name),
+                "a node of a body");
+    if (!std::ranges::all_of(d.mounts, pushes)) continue;
     const auto body = [&](std::size_t i) { return m.nodes[static_cast<std::size_t>(d.mounts[i].node)].body; };
     const UserBody& u = m.user[static_cast<std::size_t>(body(0))];
     if (body(0) == body(1) && (u.n_modes == 0 || d.mounts[0].node == d.mounts[1].node))

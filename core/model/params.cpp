@@ -336,8 +336,10 @@ void read_params(MapReader& map, ParamSchema schema, ParamValues& params) {
         param.value = read_flag(*value, context);
         break;
       case CARDAN_TEXT:
-      case CARDAN_CHOICE:
         param.value = read_text(*value, desc.meaning, context);
+        break;
+      case CARDAN_CHOICE:
+        param.value = read_text(*value, fmt::format("{} ({})", one_of(choices(desc)), desc.meaning), context);
         break;
       case CARDAN_FILE:
         param.file = read_text(*value, fmt::format("the name of a file: {}", desc.meaning), context);

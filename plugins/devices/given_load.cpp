@@ -64,15 +64,17 @@ struct RecordedLoad {
   static constexpr const char* summary = "force and moment at a node by a record of them";
   static constexpr unsigned facts = 0;
   static constexpr unsigned role = CARDAN_ROLE_FORCE;
-  static constexpr int row_size = 13;  // time, six loads, their slopes
+  static constexpr int row_size = 13;         // time, six loads, their slopes
+  static constexpr double kMostTurns = 1e12;  // beyond, its phase has lost four digits of sixteen and more
   enum Between { kCubic, kLinear, kSteps };
   enum Outside { kZero, kHold, kRepeat };
   struct Packed {
     PackedRows rows;
     std::int64_t between, outside;
+    double start;  // rows keep the times of the record: added to them it would round each row by itself, and so the period
     const double* row(std::int64_t i) const noexcept { return rows_of<RecordedLoad>(*this) + row_size * i; }
     double period() const noexcept { return row(rows.n - 1)[0] - row(0)[0]; }
-    /// The instant of a row, of a record that repeats of any whole number.
+    /// The time of a row in the record, of one that repeats of any whole number.
     double time(std::int64_t k) const noexcept {
       if (outside != kRepeat) return row(k)[0];
       const auto [turn, i] = place(k);
@@ -141,23 +143,25 @@ struct RecordedLoad {
 
   static bool pack(const Params& params, Packed& p, double* all) {
     const auto table = params.table("record", 7);
-    p.between = params.choice("between"), p.outside = params.choice("outside");
+    p.between = params.choice("between"), p.outside = params.choice("outside"), p.start = params.number("start");
     if (table.cols() < 2) return params.fail("record", "at least two rows");
     for (Eigen::Index k = 0; k < table.cols(); ++k) {
       if (k > 0 && !(table(0, k - 1) < table(0, k))) return params.fail("record", "times that increase from row to row");
       double* row = all + row_size * k;
-      row[0] = table(0, k) + params.number("start");
+      row[0] = table(0, k);
       for (int c = 1; c <= 6; ++c) row[c] = table(c, k), row[6 + c] = 0.0;
     }
     if (p.outside == kRepeat)
       for (int c = 1; c <= 6; ++c)
         if (table(c, 0) != table(c, table.cols() - 1))
           return params.fail("record", "a last row with the loads of the first, where it repeats");
+    if (p.outside == kRepeat && std::abs(p.start) > kMostTurns * p.period())
+      return params.fail("start", "at most 1e12 times the length of a record that repeats");
     for (std::int64_t i = 0; p.between == kCubic && i < p.rows.n; ++i) find_slopes(p, all, i);
     return true;
   }
 
-  /// The last row before t: -1 before the first one, unless it repeats.
+  /// The last row before t, a time of the record: -1 before the first one, unless it repeats.
   static std::int64_t find(const Packed& p, double t) noexcept {
     std::int64_t turns = 0;
     if (p.outside == kRepeat) {
@@ -172,7 +176,7 @@ struct RecordedLoad {
     return turns * (p.rows.n - 1) + low;
   }
   static std::int64_t now(const Packed& p, const double* d, double t) noexcept {
-    return d[1] != 0.0 ? static_cast<std::int64_t>(d[0]) : find(p, t);
+    return d[1] != 0.0 ? static_cast<std::int64_t>(d[0]) : find(p, t - p.start);
   }
 
   template <class T>
@@ -185,7 +189,7 @@ struct RecordedLoad {
       return give_six(x, out);
     }
     const std::int64_t i = p.outside == kRepeat ? p.place(k).row : k;
-    const double *a = p.row(i), *b = p.row(i + 1), h = b[0] - a[0], s = (in.t - p.time(k)) / h;
+    const double *a = p.row(i), *b = p.row(i + 1), h = b[0] - a[0], s = (in.t - p.start - p.time(k)) / h;
     for (int c = 1; c <= 6; ++c) {
       const double rise = b[c] - a[c];
       x[c - 1] = a[c];
@@ -200,11 +204,11 @@ struct RecordedLoad {
 
   static void roots(const Packed& p, const DeviceIn<double>& in, double* g) noexcept {
     const std::int64_t next = now(p, in.d, in.t) + 1;
-    g[0] = p.outside == kRepeat || next < p.rows.n ? in.t - p.time(next) : -1.0;
+    g[0] = p.outside == kRepeat || next < p.rows.n ? in.t - p.start - p.time(next) : -1.0;
   }
   static void event(const Packed& p, const DeviceIn<double>& in, std::uint32_t root, int direction, double*, double* d) noexcept {
     if (root == n_roots)
-      d[0] = static_cast<double>(find(p, in.t)), d[1] = 1.0;  // the start
+      d[0] = static_cast<double>(find(p, in.t - p.start)), d[1] = 1.0;  // the start
     else if (direction > 0)
       d[0] += 1.0;
   }

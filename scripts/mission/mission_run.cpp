@@ -21,6 +21,7 @@ RunFailure failure_of(const Diagnostic& d, const std::string& actor, double t) {
   if (d.code == Code::lua_budget) f.code = Code::controller_budget;
   if (d.code == Code::no_memory) f.code = Code::no_memory_in_run;
   f.what = fmt::format("{}: {}", actor, d.about.empty() ? title_of(d.code) : d.about);
+  if (!d.at.key_path.empty()) f.what += ", at " + d.at.key_path;
   f.what += place_of_failure(d.at.mark);
   if (!d.expected.empty()) f.what += "\n  expected: " + d.expected;
   if (!d.got.empty()) f.what += "\n  got:      " + d.got;

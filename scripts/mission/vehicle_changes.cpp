@@ -130,7 +130,6 @@ Rejoined VehicleChanges::make() {
       const Wish& by = about == wishes.end() ? wishes.front() : *about;
       actor_ = by.actor;
       d.at.mark = by.by, d.stack = by.stack;
-      if (!d.at.key_path.empty()) d.about = fmt::format("{}, at {}", d.about.empty() ? title_of(d.code) : d.about, d.at.key_path);
     }
     throw InputError(all);
   }

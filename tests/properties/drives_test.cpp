@@ -286,10 +286,23 @@ TEST(RecordedLoad, HasEndsAsTold) {
   (void)x;
 }
 
+/// A record that began long ago is where it is: what is lost is the rounding of the time since then, not that of each row as often as it
+/// came round.
+TEST(RecordedLoad, KeepsItsPhaseOverManyTurns) {
+  const double since = 1e7, period = 0.7, end = 0.5;
+  const std::vector<double> teeth = rows_of_force({0.0, 0.3, period}, [](double t) { return t == 0.3 ? 3.0 : 0.0; });
+  const auto momentum = [&](double t) {  // of the tooth, from its begin to t
+    return t < 0.3 ? 5.0 * t * t : 0.45 + 3.0 * (t - 0.3) - 3.75 * (t - 0.3) * (t - 0.3);
+  };
+  const double from = std::fmod(since, period), to = from + end;
+  const double pushed = to < period ? momentum(to) - momentum(from) : momentum(period) - momentum(from) + momentum(to - period);
+  EXPECT_NEAR(driven(teeth, "linear", "repeat", end, -since).second, pushed, 3.0 * 2 * 2e-9);  // two roundings at 1e7 s under 3 N
+}
+
 TEST(RecordedLoad, RefusesWhatIsNoRecord) {
-  const auto said = [](const std::vector<double>& rows, const char* outside) {
+  const auto said = [](const std::vector<double>& rows, const char* outside, double start = 0.0) {
     SystemSpec spec = system({floating(1.0)});
-    DeviceSpec d = with_rows(device("push", "recorded_load", {}, {{"at", "bus"}}), "record", rows);
+    DeviceSpec d = with_rows(device("push", "recorded_load", {{"start", start}}, {{"at", "bus"}}), "record", rows);
     d.params["outside"].value = std::string(outside);
     spec.devices = {d};
     return refusal(spec);
@@ -300,6 +313,8 @@ TEST(RecordedLoad, RefusesWhatIsNoRecord) {
   EXPECT_TRUE(has(said(two, "repeat"), "loads of the first"));
   EXPECT_TRUE(has(said({0, 1, 0, 0, 0, 0, 0}, "zero"), "two rows"));
   EXPECT_TRUE(has(said({0, 1, 0, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 0}, "zero"), "increase"));
+  EXPECT_TRUE(has(said({0, 1, 0, 0, 0, 0, 0, 1e-9, 1, 0, 0, 0, 0, 0}, "repeat", 1e5), "length of a record"));
+  EXPECT_EQ(said({0, 1, 0, 0, 0, 0, 0, 1e-9, 1, 0, 0, 0, 0, 0}, "zero", 1e300), "it compiled");
 }
 
 }  // namespace

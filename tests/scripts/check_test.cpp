@@ -302,6 +302,20 @@ TEST_F(Physics, DevicesThatNeverGetThroughOrNeverBegin) {
   EXPECT_EQ(codes(), "");
 }
 
+TEST_F(Physics, DevicesThatPushNothing) {
+  const auto between = [&](const std::string& type, const std::string& from, const std::string& to) {
+    write("cardan: 1\nbodies:\n  p: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}\ndevices:\n  d: {type: " + type +
+              ", from: " + from + ", to: " + to + "}\n",
+          "vehicle \"v.yaml\"\nmission { duration = 1 }\n");
+    return has(check().err, "W0303");
+  };
+  for (const char* type : {"cable, stiffness: 9, length: 1", "bushing, stiffness: [1, 1, 1], turn_stiffness: [1, 1, 1]"}) {
+    EXPECT_TRUE(between(type, "world", "world")) << type;
+    EXPECT_TRUE(between(type, "p", "p")) << type;
+    EXPECT_FALSE(between(type, "p", "world")) << type;
+  }
+}
+
 // A slide of 1 kg on 1e4 N/m: 100 rad/s, classic Runge-Kutta is stable on the imaginary axis up to 2 sqrt(2).
 TEST_F(Physics, AFixedStepThatIsTooLongForASpringIsToldBeforeTheRunWithOneThatWorks) {
   const auto with_step = [&](const char* step, int rate = 1) {

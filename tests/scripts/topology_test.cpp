@@ -328,6 +328,7 @@ TEST(Topology, WhatCannotBeDoneIsTold) {
   told("sat:attach('bus', {to = 'tip', as_found = true})", 3, "closed loop");
   told("sat:attach('guest', {to = 'bus', type = 'ball', as_found = true})", 3, "a type, or as_found = true");
   told("sat:attach('guest', {to = 'bus', initial = {}})", 3, "a hinge without `initial` and `locked`");
+  told("sat:hinge('upper'):torque(1)", 3, "unknown name, at hinge of upper\n");
   told("sat:close 'dock'", 3, "a loop is not closed at the start");
 }
 

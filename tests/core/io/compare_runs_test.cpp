@@ -102,6 +102,15 @@ TEST(Runs, AreComparedAtTheTimesThatBothHave) {
   EXPECT_EQ(d.components[0].worst.t, 2.0);
 }
 
+// Within tolerances an instant is the same where the conversion of a decimal time leaves it; bits of times are numbers like all others.
+TEST(Runs, WhoseTimesHaveOtherBitsAreNotTheSameBits) {
+  const double t = std::nextafter(1.0, 2.0);
+  const RunDifference d = compare_runs(run_of({0, 1, 2}, {5, 6, 7}), run_of({0, t, 2}, {5, 6, 7}), {}, Agreement::same_bits);
+  EXPECT_EQ(d.rows, 2u);
+  EXPECT_FALSE(d.pass(false));
+  EXPECT_TRUE(compare_runs(run_of({0, 1}, {5, 6}), run_of({0, t}, {5, 6}), {}, Agreement::integration).pass(false));
+}
+
 // Residuals are noise, and have the size of what is in balance: two runs that agree to 1e-11 agree in them too.
 TEST(Runs, ResidualsAreRelativeNumbersAsTheyAre) {
   for (const char* path : {"ledger/energy", "loops/residual", "a/b"}) {
