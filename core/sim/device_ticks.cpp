@@ -54,6 +54,10 @@ bool Simulation::only_looks(int index) const {
   const Devices& all = model_->devices;
   const Device& d = all.all[static_cast<std::size_t>(index)];
   const auto is_it = [index](const auto& of) { return of.device == index; };
+  // States that follow others follow what they are given too: it changes where a step ends.
+  for (const Device& taker : all.all)
+    for (int in = taker.in; taker.family->n_states > 0 && in < taker.in + taker.n_in; ++in)
+      if (all.from[static_cast<std::size_t>(in)] >= 0) return false;
   return !d.acts && d.family->n_states == 0 && !d.family->impulse && std::ranges::none_of(all.holds, is_it) &&
          std::ranges::none_of(all.masses, is_it) && std::ranges::none_of(all.flows, is_it) &&
          std::ranges::none_of(all.timeouts, [&d](const CommandTimeout& t) { return t.input >= d.in && t.input < d.in + d.n_in; });

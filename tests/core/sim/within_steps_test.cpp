@@ -301,6 +301,50 @@ TEST(BetweenSteps, ReadingsAreThoseOfTicksThatEndSteps) {
   EXPECT_LT(inside.sim.statistics().steps, 60);
 }
 
+/// Ticks of what pushes, or has a state, end steps; those of what reads alone do not.
+TEST(BetweenSteps, DevicesThatActEndSteps) {
+  const auto shortest = [](const DeviceSpec& d) {
+    SystemSpec spec = system(base_with_sprung_arm());
+    spec.devices = {d};
+    spec.devices[0].rate = 8.0;
+    Simulation sim(compiled(spec), options_of("dopri5", 1e-8, true));
+    sim.run(0.0);
+    return sim.shortest_period();
+  };
+  EXPECT_EQ(shortest(device("gyro", "imu", {}, {{"at", "base"}})), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(shortest(device("encoder", "encoder", {}, {{"at", "arm"}})), std::numeric_limits<double>::infinity());
+  EXPECT_EQ(shortest(device("gyro", "integrating_imu", {}, {{"at", "base"}})), 0.125);
+  EXPECT_EQ(shortest(device("jet", "pulsed_thruster", {{"bit", 0.2}}, {{"at", "base"}})), 0.125);
+}
+
+/// The arm weighs another amount from 1.65 s on, in the middle between two rows: rows go on in time, and are those of steps that they end.
+TEST(BetweenSteps, RowsGoOnWithAnotherVehicle) {
+  const auto run = [](const std::string& method, double tolerance, bool between_steps) {
+    auto r = std::make_unique<Recorded>(system(base_with_sprung_arm()), options_of(method, tolerance, between_steps), Rational{1, 20});
+    Simulation& sim = r->sim;
+    sim.every({33, 20},
+              [&sim] {
+                std::vector<BodySpec> heavier = base_with_sprung_arm();
+                heavier[1].mass = 2.5;
+                sim.adopt(compiled(system(heavier)));
+              },
+              {67, 40});
+    sim.run(3.0);
+    return r;
+  };
+  const auto ends = run("dop853", 1e-12, false);
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "ark_explicit"}) {
+    const auto inside = run(method, 1e-8, true);
+    EXPECT_EQ(inside->kept.times.size(), 61u) << method;
+    EXPECT_TRUE(std::ranges::is_sorted(inside->kept.order)) << method;
+    double off = 0.0;
+    for (std::size_t i = 0; i < inside->kept.rows.size(); ++i)
+      for (std::size_t c = 0; c + 1 < inside->names.size(); ++c)  // the ledger knows of two vehicles
+        off = worse(off, std::abs(inside->kept.rows[i][c] - ends->kept.rows[i][c]));
+    EXPECT_LT(off, allowed(*inside, method, 1e-8, 0.0)) << method;
+  }
+}
+
 TEST(BetweenSteps, LoopsAreClosedInside) {
   for (const std::string method : {"dopri5", "dop853", "cvode_bdf", "ark_explicit", "rk4", "ida"}) {
     SystemSpec spec = four_bar();
