@@ -361,6 +361,31 @@ TEST(BetweenSteps, LoopsAreClosedInside) {
   }
 }
 
+/// A mass falls on a hard stop and goes up again with half its speed: in each row the parabola before or after, and -g.
+TEST(BetweenSteps, RowsBesideAHardStopAreThoseOfTheirSide) {
+  const double g = 9.81, h = 1.0, e = 0.5, fall = std::sqrt(2.0 * h / g), up = e * g * fall;
+  BodySpec mass = on(rigid("mass", 2.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "prismatic", {{0, 0, 1}});
+  mass.hinge.q = {h};
+  mass.hinge.loads = {{0, HingeLaw::stop, {0.0, std::numeric_limits<double>::infinity(), 1e6, 1.0, 1.0}, {}, {e, 1.0}}};
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams", "ark_explicit"}) {
+    Simulation sim(compiled(system({mass}, uniform_gravity({0, 0, -g}))), options_of(method, 1e-9, true));
+    Kept kept;
+    sim.record(kept,
+               {{{"q, v, v'", {"q", "v", "a"}, "1", "", ""},
+                 [&](double* x) { x[0] = sim.state().q[0], x[1] = sim.state().v[0], x[2] = sim.vdot()[0]; }}},
+               {1, 100});
+    sim.run(0.8);
+    ASSERT_EQ(kept.rows.size(), 81u) << method;
+    EXPECT_LT(sim.statistics().steps, 60) << method;
+    for (std::size_t i = 0; i < kept.rows.size(); ++i) {
+      const double t = kept.times[i], after = t - fall;
+      EXPECT_NEAR(kept.rows[i][0], after < 0.0 ? h - 0.5 * g * t * t : up * after - 0.5 * g * after * after, 1e-7) << method << t;
+      EXPECT_NEAR(kept.rows[i][1], after < 0.0 ? -g * t : up - g * after, 1e-7) << method << t;
+      EXPECT_NEAR(kept.rows[i][2], -g, 1e-12) << method << t;
+    }
+  }
+}
+
 /// A corner one unit in the last place behind a row.
 TEST(BetweenSteps, ARowNextToACornerIsWritten) {
   for (const std::string method : {"dopri5", "cvode_adams", "ark_explicit", "ark_implicit"}) {
