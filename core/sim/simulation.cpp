@@ -162,12 +162,13 @@ void Simulation::add_task(Rational period, Rational offset, std::function<void()
   tasks_.push_back({std::move(work), looks, device});
 }
 
-/// Which tasks may lie inside of steps.
+/// Which tasks may lie inside of steps. Of `extended` each look there would be a step of its own.
 void Simulation::let_inside() {
+  const bool inside = options_.between_steps && options_.integrator.method != "extended";
   for (std::size_t i = 0; i < tasks_.size(); ++i) {
     Task& task = tasks_[i];
     if (task.device >= 0) task.looks = only_looks(now_.device[static_cast<std::size_t>(task.device)]);
-    schedule_.let_inside(static_cast<int>(i), options_.between_steps && task.looks);
+    schedule_.let_inside(static_cast<int>(i), inside && task.looks);
   }
 }
 
@@ -271,9 +272,6 @@ void Simulation::unpack(const double* x) {
 
 void Simulation::make_integrator_once() {
   if (integrator_) return;
-  if (options_.between_steps && options_.integrator.method == "extended")
-    refuse(Code::unsupported, {"output.between_steps"}, "a method with a polynomial over its steps",
-           "extended, for which each row inside of a step is a step of its own", "leave it out: rows end steps then");
   x_.assign(static_cast<std::size_t>(model_->nq + model_->nv + model_->devices.n_z), 0.0);
   if (options_.integrator.method == "auto") {
     MethodChoice choice = choose_method(model_, schedule_.shortest_period(), options_.integrator, options_.dynamics);

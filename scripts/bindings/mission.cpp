@@ -133,9 +133,6 @@ void read_output(LuaTable& t, lua_State* L, Scenario& s) {
     }
   };
   s.mission.simulation.between_steps = t.flag("between_steps").value_or(false);
-  if (s.mission.simulation.between_steps && s.mission.simulation.integrator.method == "extended")
-    refuse(L, Code::unsupported, t.path() + ".between_steps", "a method with a polynomial over its steps",
-           "extended, for which each row inside of a step is a step of its own", "leave it out: rows end steps then");
   all("reactions", Code::unknown_body, m.user, s.mission.reactions, "a body of the vehicle");
   all("nodes", Code::unknown_node, m.nodes, s.mission.nodes, "a node of the vehicle");
   t.finish();
