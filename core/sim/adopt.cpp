@@ -69,6 +69,7 @@ void Simulation::adopt(std::shared_ptr<const Model> model) {
 }
 
 void Simulation::adopt(std::function<Rejoined()> make, std::string told) {
+  if (inside_) refuse_inside();
   next_model_ = std::move(make), next_told_ = std::move(told);
   if (!begun_) take_in();
 }
@@ -142,6 +143,7 @@ void Simulation::take_in() {
       rates_were_set_ = true;
   }
   changed();
+  let_inside();
   if (adopted_told_) adopted_told_();
   if (!in_run) return;
   ++adopted_;

@@ -43,8 +43,9 @@ class Balances {
   /// be off by.
   void jump(const Integrals& by, const Integrals& off = Integrals::Zero()) { start_ += by, off_ += off; }
   /// What has become of them after so many steps with such errors, at this relative tolerance. `off`: what the integrals may be off by.
+  /// inside: of a step, where a state is off by more than steps are: it is told and not judged.
   const LedgerState& look(const Momentum&, const Energy&, const Integrals&, const Integrals& off, const IntegratorStatistics&,
-                          double relative);
+                          double relative, bool inside = false);
   const LedgerState& worst() const { return worst_; }
   /// One sentence for each that was beyond its limit at the last look: its name and the sentence.
   std::vector<std::pair<std::string, std::string>> beyond(const std::string& method) const;

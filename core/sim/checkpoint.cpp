@@ -40,7 +40,9 @@ void Simulation::start_anew(Archive& archive) {
 }
 
 Checkpoint Simulation::checkpoint() {
+  if (inside_) refuse_inside();
   sample_devices(true);
+  let_inside();
   make_integrator_once();
   if (!std::exchange(begun_, true)) {
     schedule_.start(state_.t);
@@ -63,6 +65,7 @@ Checkpoint Simulation::checkpoint() {
 
 void Simulation::resume(const Checkpoint& checkpoint) {
   sample_devices(true);
+  let_inside();
   Archive all(checkpoint);
   history_.resize(model_->nq + model_->nv + model_->devices.n_z);
   remember(all);

@@ -34,8 +34,9 @@ void Simulation::sample_devices(bool late) {
     const double seconds = static_cast<double>(period.numerator) / static_cast<double>(period.denominator);
     noise_.resize(std::max(noise_.size(), numbers_of_tick(d)));
     const auto id = static_cast<std::size_t>(id_of(now_.device, i));
-    every(
-        period, [this, id, seconds] { shift_delays(now_.device[id]), tick_device(now_.device[id], seconds); }, offset);
+    add_task(
+        period, offset, [this, id, seconds] { shift_delays(now_.device[id]), tick_device(now_.device[id], seconds); }, false,
+        static_cast<int>(id));
   }
   if (!late) return;
   // After all ticks of an instant: what is taken later is what outputs are now.
@@ -43,9 +44,23 @@ void Simulation::sample_devices(bool late) {
     if (std::ranges::any_of(model_->devices.delays, [&](const DelayLine& line) { return line.clock == static_cast<int>(i); })) {
       Rational offset;
       const Rational period = period_of(model_->devices.all[i], &offset);
-      every(
-          period, [this, i] { sample_delays(static_cast<int>(i)); }, offset);
+      add_task(
+          period, offset, [this, i] { sample_delays(static_cast<int>(i)); }, false, id_of(now_.device, static_cast<int>(i)));
     }
+}
+
+/// Whether the ticks of a device change what it gives and nothing else, no motion and no instant.
+bool Simulation::only_looks(int index) const {
+  const Devices& all = model_->devices;
+  const Device& d = all.all[static_cast<std::size_t>(index)];
+  const auto is_it = [index](const auto& of) { return of.device == index; };
+  // States that follow others follow what they are given too: it changes where a step ends.
+  for (const Device& taker : all.all)
+    for (int in = taker.in; taker.family->n_states > 0 && in < taker.in + taker.n_in; ++in)
+      if (all.from[static_cast<std::size_t>(in)] >= 0) return false;
+  return !d.acts && d.family->n_states == 0 && !d.family->impulse && std::ranges::none_of(all.holds, is_it) &&
+         std::ranges::none_of(all.masses, is_it) && std::ranges::none_of(all.flows, is_it) &&
+         std::ranges::none_of(all.timeouts, [&d](const CommandTimeout& t) { return t.input >= d.in && t.input < d.in + d.n_in; });
 }
 
 Rational Simulation::period_of(const Device& d, Rational* offset) const {

@@ -109,6 +109,7 @@ bool DiagonalisedForm::enter(const double* x, double* y) {
 }
 
 bool DiagonalisedForm::leave(const double* y, double* x) {
+  t_seen_ = kNone;  // y may lie inside of the last step
   std::copy_n(y, x_.size(), x);
   if (!at(y)) return false;
   velocities_.to_velocity(y + model_->nq, x + model_->nq);

@@ -54,7 +54,7 @@ void MomentumKeeper::aim(const double* q, const double* v) {
   linear_ = p.linear, angular_ = p.angular;
 }
 
-void MomentumKeeper::keep(const double* q, double* v) {
+void MomentumKeeper::keep(const double* q, double* v, bool inside) {
   look(q, v);
   const Momentum p = observer_.momentum();
   const Eigen::Vector3d push = linear_ - p.linear, twist = angular_ - p.angular - p.com.cross(push);  // about the mass centre
@@ -66,7 +66,7 @@ void MomentumKeeper::keep(const double* q, double* v) {
   Eigen::Vector3d::Map(v + root_.v) += R.transpose() * turn;
   Eigen::Vector3d::Map(v + root_.v + 3) += axes.transpose() * shift;
   for (const int k : model_.rotors) v[model_.bodies[static_cast<std::size_t>(k)].v] -= observer_.axis_in_world(k).dot(turn);
-  kept_.assign(q, q + model_.nq), kept_.insert(kept_.end(), v, v + model_.nv);
+  if (!inside) kept_.assign(q, q + model_.nq), kept_.insert(kept_.end(), v, v + model_.nv);
 }
 
 }  // namespace cardan

@@ -15,8 +15,9 @@ class MomentumKeeper {
 
   /// The momentum of (q, v) is to be kept from now on; of a state that keep() gave, that which it kept.
   void aim(const double* q, const double* v);
-  /// Changes the velocity of the root, and the rates of wheels so that they turn as before in inertial space.
-  void keep(const double* q, double* v);
+  /// Changes the velocity of the root, and the rates of wheels so that they turn as before in inertial space. inside: of a step, from which
+  /// no other goes on.
+  void keep(const double* q, double* v, bool inside = false);
 
  private:
   void look(const double* q, const double* v);

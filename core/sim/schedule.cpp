@@ -84,13 +84,36 @@ void Schedule::remember(Archive& archive) {
   look_ahead();
 }
 
+void Schedule::let_inside(int entry, bool inside) {
+  entries_[static_cast<std::size_t>(entry)].inside = inside;
+  look_ahead();
+}
+
+bool Schedule::any_inside() const {
+  /// Whether b ticks wherever a does, all in units of one over the product of theirs.
+  const auto follows = [](const Entry& a, const Entry& b) {
+    const Wide step = static_cast<Wide>(b.step) * a.unit, after = static_cast<Wide>(a.first) * b.unit - static_cast<Wide>(b.first) * a.unit;
+    return after >= 0 && after % step == 0 && static_cast<Wide>(a.step) * b.unit % step == 0;
+  };
+  return std::ranges::any_of(entries_, [&](const Entry& a) {
+    return a.inside && std::ranges::none_of(entries_, [&](const Entry& b) { return !b.inside && follows(a, b); });
+  });
+}
+
+/// Times of instants that come one after the other are too, equal ones are equal.
 void Schedule::look_ahead() {
-  if (!entries_.empty()) time_ = entries_[earliest()].instant().seconds();
+  time_ = stop_ = std::numeric_limits<double>::infinity();
+  for (const Entry& e : entries_) {
+    const double t = e.instant().seconds();
+    time_ = std::min(time_, t);
+    if (!e.inside) stop_ = std::min(stop_, t);
+  }
 }
 
 double Schedule::shortest_period() const {
   double shortest = std::numeric_limits<double>::infinity();
-  for (const Entry& e : entries_) shortest = std::min(shortest, static_cast<double>(e.step) / static_cast<double>(e.unit));
+  for (const Entry& e : entries_)
+    if (!e.inside) shortest = std::min(shortest, static_cast<double>(e.step) / static_cast<double>(e.unit));
   return shortest;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 // When periodic things happen (controllers, sensors, outputs), on an integer time base: tick k of "10 Hz" is k/10 s,
-// computed from k each time, so that nothing drifts and different rates meet exactly where they should.
+// computed from k each time, so that nothing drifts and different rates meet exactly where they should. A step of the integrator ends where
+// one ticks, but for those that may lie inside of steps.
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -35,6 +36,8 @@ class Schedule {
 
   /// An entry that ticks at offset + k * period, k = 0, 1, ... Returns its number: 0, 1, ... in the order of the calls.
   int add(Rational period, Rational offset = {});
+  /// Whether the ticks of an entry may lie inside of steps; at first they do not.
+  void let_inside(int entry, bool inside);
   /// The next tick of each entry becomes its first at or after t [s] (the start of a run that does not begin at zero).
   void start(double t);
   /// Which tick of each entry is the next.
@@ -43,8 +46,12 @@ class Schedule {
   bool stands_at(double t) const;
   /// Time of the next instant [s]; infinity if there are no entries.
   double time() const { return time_; }
-  /// The shortest period of its entries [s]; infinity if there are none.
+  /// The same of those at which steps end.
+  double stop() const { return stop_; }
+  /// The shortest period of the entries at which steps end [s]; infinity if there are none.
   double shortest_period() const;
+  /// Whether any tick comes between these.
+  bool any_inside() const;
   /// Passes one tick there: those of one instant come in the order of add(). There must be an entry.
   Tick next();
 
@@ -58,6 +65,7 @@ class Schedule {
   struct Entry {
     std::int64_t first, step, unit;  // tick k at (first + k * step) / unit seconds
     std::int64_t k;
+    bool inside = false;  // of steps
     Instant instant() const { return instant(k); }
     Instant instant(std::int64_t tick) const;
   };
@@ -66,7 +74,7 @@ class Schedule {
   void look_ahead();
 
   std::vector<Entry> entries_;
-  double time_ = std::numeric_limits<double>::infinity();
+  double time_ = std::numeric_limits<double>::infinity(), stop_ = time_;
 };
 
 }  // namespace cardan

@@ -42,6 +42,7 @@ Simulation::Simulation(std::shared_ptr<const Model> model, const SimulationOptio
   tau_.assign(static_cast<std::size_t>(model_->nv), 0.0);
   build();
   sample_devices(false);
+  let_inside();
 }
 
 /// All that hangs on the model, beside state and commands.
@@ -152,9 +153,28 @@ void Simulation::take_over(const Simulation& other) {
   for (std::size_t i = 0; i < std::min(wrenches_.size(), other.wrenches_.size()); ++i) wrenches_[i].f = other.wrenches_[i].f;
 }
 
-void Simulation::every(Rational period, std::function<void()> task, Rational offset) {
+void Simulation::every(Rational period, std::function<void()> task, Rational offset) { add_task(period, offset, std::move(task), false); }
+
+void Simulation::watch(Rational period, std::function<void()> task, Rational offset) { add_task(period, offset, std::move(task), true); }
+
+void Simulation::add_task(Rational period, Rational offset, std::function<void()> work, bool looks, int device) {
   schedule_.add(period, offset);
-  tasks_.push_back(std::move(task));
+  tasks_.push_back({std::move(work), looks, device});
+}
+
+/// Which tasks may lie inside of steps. Of `extended` each look there would be a step of its own.
+void Simulation::let_inside() {
+  const bool inside = options_.between_steps && options_.integrator.method != "extended";
+  for (std::size_t i = 0; i < tasks_.size(); ++i) {
+    Task& task = tasks_[i];
+    if (task.device >= 0) task.looks = only_looks(now_.device[static_cast<std::size_t>(task.device)]);
+    schedule_.let_inside(static_cast<int>(i), inside && task.looks);
+  }
+}
+
+void Simulation::refuse_inside() {
+  refuse(Code::unsupported, {"a task inside of a step"}, "one that only looks", "one that changes a state or a command",
+         "every() in place of watch(): a step ends where it ticks");
 }
 
 void Simulation::add_event(Event event) {
@@ -195,7 +215,7 @@ void Simulation::record(Recorder& recorder, std::vector<Output> outputs, Rationa
   std::size_t n = 0;
   for (const Output& o : outputs_) n += o.channel.components.size();
   row_.assign(n, 0.0);
-  every(period, [this] { write_outputs(); });
+  watch(period, [this] { write_outputs(); });
 }
 
 void Simulation::set_force(int i, double value) {
@@ -342,6 +362,7 @@ OdeProblem Simulation::ode() {
       refuse(Code::out_of_range, {std::string("integrator.tolerances.") + kind}, "a number > 0, or 0 for none", fmt::format("{:g}", x));
   start_given_motion();
   OdeProblem ode;
+  ode.looked_inside = schedule_.any_inside();
   ode.n = m.nq + m.nv + m.devices.n_z;
   ode.n_quadrature = options_.ledger ? Balances::kIntegrals : 0;
   ode.rough_integrands =
@@ -431,7 +452,7 @@ void Simulation::project(double t, double* x) {
   if (normalised_) unless_thrown([&] { model_->normalise(x); });
   give_motion(t, x, x + model_->nq);
   if (loops_ && !close_loops(t, x, x + model_->nq)) x[0] = std::numeric_limits<double>::quiet_NaN();
-  if (momentum_ && !acted_on()) momentum_->keep(x, x + model_->nq);
+  if (momentum_ && !acted_on()) momentum_->keep(x, x + model_->nq, inside_);
 }
 
 int Simulation::n_roots() const {
@@ -592,11 +613,15 @@ LedgerState Simulation::ledger() {
   if (ledger_known_) return ledger_;
   ledger_known_ = true;
   Balances::Integrals y = Balances::Integrals::Zero(), off = y;
-  if (integrator_) integrator_->integrals(state_.t, y.data(), off.data());
+  if (integrator_) integrator_->integrals(inside_ ? t_inside_ : state_.t, y.data(), off.data());
   const Momentum p = momentum();
   const Energy e = energy();
   if (loops_) off += off_near_singular(loops_->pivot(), options_.integrator.relative_tolerance, p, e);
-  ledger_ = balances_.look(p, e, y, off, statistics(), options_.integrator.relative_tolerance);
+  ledger_ = balances_.look(p, e, y, off, statistics(), options_.integrator.relative_tolerance, inside_);
+  if (inside_) {  // it is judged where the step ends
+    ledger_asked_ = true;
+    return ledger_;
+  }
   for (const auto& [name, sentence] : balances_.beyond(integrator_name()))
     warn(Code::ledger_residual, {fmt::format("ledger of {}", name), {}}, sentence,
          "a hinge or body of a plugin whose laws do not fit together, a state that was changed in the run, or a step too large "

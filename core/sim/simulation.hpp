@@ -39,7 +39,10 @@ struct SimulationOptions {
   TolerancesByKind tolerances;
   Dynamics dynamics = Dynamics::standard;  // which velocities are integrated, what accelerations are by; what is seen is v
   std::uint64_t seed = 0;                  // of the noise of devices
-  bool ledger = true;                      // integrate external impulse and work beside the state; no bit of the motion depends on it
+  /// What only looks, rows of outputs and sensors whose readings change no motion, lies inside of steps and does not end them: at states by
+  /// the method's own polynomial over the step. docs/mathematics/integration.md, "Rows inside of steps".
+  bool between_steps = false;
+  bool ledger = true;  // integrate external impulse and work beside the state; no bit of the motion depends on it
 };
 
 class DiagonalisedForm;
@@ -82,7 +85,7 @@ class Simulation {
   /// vehicle.
   void set_state(const State& state);
   /// Before the run: how to integrate.
-  void set_options(const SimulationOptions& options) { options_ = options; }
+  void set_options(const SimulationOptions& options) { options_ = options, let_inside(); }
   const SimulationOptions& options() const { return options_; }
   /// The vehicle is another one from now on: its description was changed and compiled again. Bodies, nodes and devices keep their state,
   /// commands, motion profiles and wrenches by name; what is new starts as its description says. In a run it takes place at the end of
@@ -109,6 +112,8 @@ class Simulation {
   double& v(int i) { return require_index("velocity component", i, model_->nv), rates_were_set_ = true, changed(), state_.v[i]; }
   /// A task that runs at every tick, in the order of these calls. Commands set by tasks hold until they are set again.
   void every(Rational period, std::function<void()> task, Rational offset = {});
+  /// The same of one that only looks: SimulationOptions::between_steps lets it lie inside of steps, where changing anything is refused.
+  void watch(Rational period, std::function<void()> task, Rational offset = {});
   void add_event(Event event);
   /// The motion of a prescribed component from now on; its coordinate goes on from where it is. InputError C0402 for a component
   /// that is not prescribed.
@@ -163,7 +168,7 @@ class Simulation {
   /// Before the run: the recorder gets how the method went through each of these intervals, from StepHistory. A multiple of the period of
   /// record() adds no instant.
   void record_steps(Rational period) {
-    every(period, [this] { keep_steps(); });
+    watch(period, [this] { inside_ ? void(keep_later_ = true) : keep_steps(); });
   }
   /// Between steps: ends an interval of the history here, as run() does at its end.
   void keep_steps();
@@ -173,8 +178,11 @@ class Simulation {
   /// last accepted state are written. InputError C0301 where t_end is not a number.
   void run(double t_end, const std::function<void(double t)>& progress = {});
 
-  /// [s] Between two instants at which something is to happen, of what every() and the devices have asked for so far; infinite: of nothing.
+  /// [s] Between two instants at which steps end, of what every() and the devices have asked for so far; infinite: of nothing.
   double shortest_period() const { return schedule_.shortest_period(); }
+
+  /// How many steps of this run ended where nothing but what only looks was to happen.
+  long ended_by_looking() const { return ended_by_looking_; }
 
   /// Before the run: takes the time of its parts.
   void take_times() { times_ = std::make_unique<RunProfile>(); }
@@ -225,7 +233,11 @@ class Simulation {
   [[noreturn]] static void refuse_index(const char* what, int i, Eigen::Index n);
   void build();
   void take_in();
-  void changed() { weigh(), start_anew_for(doing_), observed_ = ledger_known_ = false; }
+  void changed() {
+    if (inside_) refuse_inside();
+    weigh(), start_anew_for(doing_), observed_ = ledger_known_ = false;
+  }
+  [[noreturn]] static void refuse_inside();
   void start_anew_for(RestartCause cause) {
     if (!restart_) restart_ = cause;
   }
@@ -270,6 +282,9 @@ class Simulation {
   void start_closed();
   bool device_events(std::span<const int> crossed);
   void sample_devices(bool late);
+  void add_task(Rational period, Rational offset, std::function<void()> work, bool looks, int device = -1);
+  bool only_looks(int device) const;
+  void let_inside();
   void tick_device(int device, double period);
   Rational period_of(const Device& device, Rational* offset) const;
   std::string told_input(int input) const;
@@ -298,6 +313,7 @@ class Simulation {
   void restart();
   void step(double t_stop);
   void tick();
+  void look_inside(double t_end);
   void handle_events(std::span<const int> crossed);
   void write_outputs();
   double next_corner() const;
@@ -376,7 +392,16 @@ class Simulation {
   IntegratorStatistics of_former_models_;
   int adopted_ = 0;  // models, in the run
   Schedule schedule_;
-  std::vector<std::function<void()>> tasks_;
+  struct Task {
+    std::function<void()> work;
+    bool looks;  // and changes nothing ...
+    int device;  // ... where the ticks of this one, an id, do not; -1: of none
+  };
+  std::vector<Task> tasks_;
+  bool inside_ = false, keep_later_ = false, ledger_asked_ = false;  // in a look inside of a step; what is to follow at its end
+  double t_inside_ = 0.0;                                            // [s] where the integrator is asked for the state
+  std::vector<double> x_inside_;
+  long ended_by_looking_ = 0;
   std::int64_t tick_ = 0;        // how-manieth of the task that runs
   bool actuators_tick_ = false;  // devices with inputs are on the schedule: after all tasks before record() or run()
   std::vector<double> noise_;

@@ -1,5 +1,6 @@
 // THE page: how a run advances. Time moves from one instant of the schedule to the next; between two instants the integrator
-// steps, inside a step the right-hand side runs the program of sweeps. Nothing else happens inside a step.
+// steps, inside a step the right-hand side runs the program of sweeps. Nothing else happens inside a step; what only looks may look back
+// into the one that was just made.
 #include "core/sim/simulation.hpp"
 
 #include <algorithm>
@@ -16,6 +17,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   if (std::isnan(t_end)) refuse(Code::out_of_range, {"end of the run"}, "a time [s]", "nan");
   const Stopwatch watch(timed(&RunProfile::run));
   sample_devices(true);
+  let_inside();
   make_integrator_once();
   history_.begin(state_.t, static_cast<int>(x_.size()));
   const struct Outside {
@@ -41,7 +43,8 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
     expire_commands();
     if (next_model_) take_in();
     if (stopped_ || state_.t >= t_end) break;
-    step(std::min({t_end, schedule_.time(), next_corner()}));
+    step(std::min({t_end, schedule_.stop(), next_corner()}));
+    if (std::exchange(keep_later_, false)) keep_steps();
     if (next_model_) take_in();
     expect_progress();
     if (progress) progress(state_.t);
@@ -84,15 +87,18 @@ void Simulation::step(double t_stop) {
     fail(explain(e.failure()));
   }
   history_.stepped(report, report.t - state_.t, integrator_->worst());
-  stretch_ = std::numeric_limits<double>::infinity();
-  for (Limit& limit : limits_) limit.ahead = false;
   ++steps_;
   if (!thrown_.empty()) fail(explain({}));
   expect_finite(x_);
+  const double pivot = loops_ ? loops_->pivot() : 1.0;
+  if (schedule_.time() < report.t) look_inside(report.t);
+  stretch_ = std::numeric_limits<double>::infinity();
+  for (Limit& limit : limits_) limit.ahead = false;
   state_.t = report.t;
   unpack(x_.data());
   if (!model_->fields.empty()) expect_within_fields();
   observed_ = ledger_known_ = false;
+  if (std::exchange(ledger_asked_, false)) ledger();
   if (report.stiff) say_stiff();
   doing_ = RestartCause::event;
   if (report.event) handle_events(report.crossed);
@@ -107,8 +113,8 @@ void Simulation::step(double t_stop) {
   if (report.t == corner) start_anew_for(RestartCause::corner);
   if (drifted_ && integrator_->keeps_unprojected()) start_anew_for(RestartCause::loops);
   if (!loops_ || report.event || stopped_) return;
-  trail_.add(state_.t, loops_->pivot(), x_);
-  pass_singular_posture(t_stop);
+  trail_.add(state_.t, pivot, x_);
+  pass_singular_posture(std::min(t_stop, schedule_.time()));
 }
 
 // x' = [ N(q) v ; v' ; z' ],  v' = M^-1 (tau + springs + devices - C + gravity + wrenches) by the articulated sweeps.
@@ -174,12 +180,50 @@ bool Simulation::evaluate(double t, double since, const double* x, double* vdot)
 
 // Everything that ticks now, one after the other: a checkpoint that one of the tasks makes knows which are still to come at this instant.
 void Simulation::tick() {
+  bool looked = false, acted = false;
   while (schedule_.time() <= state_.t) {
     const Schedule::Tick tick = schedule_.next();
     tick_ = tick.k;
     const Stopwatch watch(timed(&RunProfile::tasks));
-    tasks_[static_cast<std::size_t>(tick.entry)]();
+    const Task& task = tasks_[static_cast<std::size_t>(tick.entry)];
+    (task.looks ? looked : acted) = true;
+    task.work();
   }
+  if (looked && !acted && !inside_ && !restart_ && state_.t < t_end_) ++ended_by_looking_;
+}
+
+/// What only looks and is to happen before t_end, where the step just made ends: at states inside of it, by the method's polynomial. The
+/// motion goes on as if nobody had looked.
+void Simulation::look_inside(double t_end) {
+  constexpr double eps = std::numeric_limits<double>::epsilon();
+  const struct Look {
+    explicit Look(Simulation& of) : sim(of), drifted(of.drifted_) { sim.inside_ = true; }
+    ~Look() { sim.inside_ = false, sim.drifted_ = drifted; }
+    Look(const Look&) = delete;
+    Look& operator=(const Look&) = delete;
+    Simulation& sim;
+    bool drifted;
+  } look(*this);
+  x_inside_.resize(x_.size());
+  while (schedule_.time() < t_end) {
+    const double t = schedule_.time();
+    t_inside_ = t_end - t <= 16.0 * eps * std::abs(t_end) ? t_end : t;  // a step of rounding has no inside
+    try {
+      if (t_inside_ == t_end)
+        x_inside_ = x_;
+      else
+        integrator_->interpolate(t, x_inside_.data());
+    } catch (const NumericsError& e) {
+      fail(explain(e.failure()));
+    }
+    if (!thrown_.empty()) fail(explain({}));
+    expect_finite(x_inside_);
+    state_.t = t;
+    unpack(x_inside_.data());
+    observed_ = ledger_known_ = false;
+    tick();
+  }
+  if (!drives_.empty()) drive_loops(t_end, t_end, drives_);
 }
 
 void Simulation::handle_events(std::span<const int> crossed) {

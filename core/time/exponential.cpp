@@ -39,10 +39,10 @@ class Exponential final : public LinearPartIntegrator {
   }
 
   /// e_ knows of N alone. What is followed by polynomials of the step may swing faster than these can: where their last terms count, the
-  /// step is taken in halves, and they are wrong by what that changes. Events are located, and end steps, inside: halves are less wrong
-  /// there than the whole step, whose error in its middle the start of the second half tells.
+  /// step is taken in halves, and they are wrong by what that changes. Inside events are located, which end steps, and rows are written:
+  /// halves are less wrong there than the whole step, whose error in its middle the start of the second half tells.
   void look_at_polynomials(double h) {
-    const bool inside = problem_.n_roots > 0;
+    const bool inside = problem_.n_roots > 0 || problem_.looked_inside;
     whole_ = z1_;
     if (inside) linear_.inside(0.5, stage_.data());
     linear_.divide(2);

@@ -117,6 +117,8 @@ struct OdeProblem {
   /// g has layers that are thin beside a step (friction that turns over, stops): Runge-Kutta methods integrate it stage by stage, as they
   /// do x, in place of once in a step.
   bool rough_integrands = false;
+  /// States inside of steps are asked for, by interpolate(): a method whose error there is not that of its ends looks at it.
+  bool looked_inside = false;
   /// Brings an accepted state of time t back on its manifold (unit quaternions, given motions); may be empty.
   std::function<void(double t, double* x)> project;
   std::vector<double> absolute_tolerance;  // per state [unit of the state], > 0

@@ -456,7 +456,13 @@ class RungeKutta final : public Integrator {
     // Two estimates in one, of order 8 and never large where the lower one is small; Hairer, Norsett, Wanner 1993, II.10.
     if (error == 0.0) return 0.0;
     add_slopes<kError + 1>(zero_, 1.0, n_, work_);
-    return h * error * error / std::hypot(error, 0.1 * norm(work_.head(n_)));
+    if (!problem_.looked_inside) return h * error * error / std::hypot(error, 0.1 * norm(work_.head(n_)));
+    // Inside of a step a swing is off by three times that, and each component by its own: the lower estimate of slow ones hides fast ones.
+    constexpr double kInside = 3.0;
+    inner_.head(n_) = share_.square();
+    const double end = error * error / std::hypot(error, 0.1 * norm(work_.head(n_)));
+    share_ = (inner_.head(n_) > 0.0).select(inner_.head(n_) / (inner_.head(n_) + 0.01 * share_.square()).sqrt(), 0.0);
+    return h * std::max(end, kInside * std::sqrt(share_.square().mean()));
   }
 
   /// The fourth and the fifth slope of rk4 share time and weight conditions: changing one for the other gives a result of order 3,

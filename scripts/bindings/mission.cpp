@@ -132,6 +132,7 @@ void read_output(LuaTable& t, lua_State* L, Scenario& s) {
       out.push_back(index);
     }
   };
+  s.mission.simulation.between_steps = t.flag("between_steps").value_or(false);
   all("reactions", Code::unknown_body, m.user, s.mission.reactions, "a body of the vehicle");
   all("nodes", Code::unknown_node, m.nodes, s.mission.nodes, "a node of the vehicle");
   t.finish();

@@ -191,7 +191,9 @@ Warnings open_latches(const Simulation& sim) {
 }
 
 double shortest_interval(const Scenario& s) {
-  double interval = std::min(seconds(s.mission.output_period), s.sim->shortest_period());
+  double interval = s.sim->shortest_period();
+  const bool phases_tick = s.controllers.empty() && !s.phases.empty();
+  if (!s.mission.simulation.between_steps || phases_tick) interval = std::min(interval, seconds(s.mission.output_period));
   for (const Controller& c : s.controllers) interval = std::min(interval, seconds(c.period));
   return interval;
 }

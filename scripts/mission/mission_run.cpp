@@ -82,7 +82,7 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
   if (s_.controllers.empty() && !s_.phases.empty()) sim.every(s_.mission.output_period, [this] { advance_phase(); });
   sim.record(recorder, std::move(outputs), s_.mission.output_period);
   sim.record_steps(history_period(s_.mission));
-  if (limits_.needed()) sim.every(s_.mission.output_period, [this] { limits_.see(*s_.sim); });
+  if (limits_.needed()) sim.watch(s_.mission.output_period, [this] { limits_.see(*s_.sim); });
   if (const auto& period = s_.mission.checkpoint_period)
     sim.every(
         *period, [this] { make_checkpoint(); }, *period);  // after all others

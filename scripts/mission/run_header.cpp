@@ -39,6 +39,7 @@ std::vector<std::pair<std::string, std::string>> mission_values(const Scenario& 
   if (i.max_step > 0) add("integrator.max_step", quantity_text(i.max_step, "s"));
   if (i.fixed_step > 0) add("integrator.step", quantity_text(i.fixed_step, "s"));
   add("output.period", seconds_text(m.output_period));
+  if (m.simulation.between_steps) add("output.between_steps", "true");
   add("checkpoint.period", m.checkpoint_period ? seconds_text(*m.checkpoint_period) : "never");
   if (!m.reactions.empty()) add("output.reactions", names(m.reactions, s.model->user));
   if (!m.nodes.empty()) add("output.nodes", names(m.nodes, s.model->nodes));

@@ -188,6 +188,13 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
                       sum.simulated_s, sum.wall_s, sum.wall_s > 0 ? sum.simulated_s / sum.wall_s : 0.0, s.sim->integrator_name(), sum.steps,
                       sum.rhs_calls, sum.restarts);
   text += steps_text(sum.integration, sum.worst);
+  // Of few steps, or where the method takes as many, there is nothing to gain.
+  constexpr long kMany = 10'000;
+  if (const long looked = s.sim->ended_by_looking(); looked >= kMany && 2 * looked > sum.steps)
+    text += fmt::format(
+        "{} steps ended at rows of the output or readings of sensors alone: output = {{ between_steps = true }} lets these lie inside of "
+        "steps\n",
+        looked);
   if (!s.mission.why_method.empty())
     text += fmt::format("{} was chosen by auto: {}\n", s.mission.simulation.integrator.method, s.mission.why_method);
   if (sum.preconditioner_setups > 0)

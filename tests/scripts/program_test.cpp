@@ -193,6 +193,22 @@ TEST(Program, AutoSaysWhatItChoseAndProfileWhereTheTimeWent) {
   EXPECT_EQ(Hdf5File::open(dir / "out/run.h5").text_attribute("/run", "integrator").substr(0, method.size() + 1), method + ",");
 }
 
+TEST(Program, TellsWhereRowsEndMostSteps) {
+  const TemporaryFolder dir;
+  make_scenario(dir,
+                "local sat = vehicle \"vehicle.yaml\"\n"
+                "mission { duration = 150, integrator = { method = \"dop853\", relative = 1e-6 }, output = { rate = \"100 Hz\" } }\n");
+  const std::string told = "steps ended at rows of the output or readings of sensors alone: output = { between_steps = true }";
+  const Finished ends = run_program({"run", dir.path(), "--out", "ends"}, dir.path());
+  EXPECT_EQ(ends.exit_code, 0) << ends.err;
+  EXPECT_NE(ends.out.find(told), std::string::npos) << ends.out;
+  const Finished inside = run_program({"run", dir.path(), "--out", "inside", "--set", "mission.output.between_steps=true"}, dir.path());
+  EXPECT_EQ(inside.exit_code, 0) << inside.err;
+  EXPECT_EQ(inside.out.find(told), std::string::npos) << inside.out;
+  EXPECT_EQ(channels_of(dir / "inside").at("/time"), channels_of(dir / "ends").at("/time"));
+  EXPECT_LT(summary_of(dir / "inside")["steps"], 3000);
+}
+
 TEST(Program, UntilEndsTheRun) {
   const TemporaryFolder dir;
   run_program({"run", "pendulum", "--out", dir.path(), "--until", "0.725"}, kMissions);

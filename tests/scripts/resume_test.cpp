@@ -64,10 +64,12 @@ void expect_same_results(const std::string& a, const std::string& b) {
 
 TEST(Resume, GoesOnAsIfTheRunHadNeverStopped) {
   for (const std::string method : {"dopri5", "dop853", "exponential", "multirate", "rk4", "ark_explicit", "ark_imex", "ark_implicit",
-                                   "cvode_adams", "cvode_bdf", "variational"}) {
+                                   "cvode_adams", "cvode_bdf", "variational", "dop853 between steps"}) {
     const TemporaryFolder dir;
     make_scenario(dir, kMission);
-    std::vector<std::string> options{"--set", "mission.integrator.method=" + method, "--seed", "5"};
+    std::vector<std::string> options{"--set", "mission.integrator.method=" + method.substr(0, method.find(' ')), "--seed", "5"};
+    if (method.ends_with("between steps"))
+      options.insert(options.end(), {"--set", "mission.output.between_steps=true", "--set", "mission.output.rate=30 Hz"});
     if (method == "rk4" || method == "variational") options.insert(options.end(), {"--set", "mission.integrator.step=0.01 s"});
     const auto run = [&](std::vector<std::string> arguments) {
       arguments.insert(arguments.begin(), "run");

@@ -44,6 +44,7 @@ function vehicle(path) end
 ---@field period? quantity [s] instead of the rate
 ---@field reactions? string[] bodies whose hinge reaction is recorded
 ---@field nodes? string[] nodes whose motion is recorded
+---@field between_steps? boolean rows, and ticks of sensors whose readings change no motion, lie inside of steps and do not end them; default false
 
 ---@class CheckpointOptions
 ---@field period? quantity [s] default a tenth of the duration, in whole periods of the output

@@ -133,6 +133,38 @@ TEST(Schedule, OffsetsShiftAnEntry) {
   EXPECT_EQ(s.next().k, 1);
 }
 
+/// Entries that may lie inside of steps: time() is that of all, stop() and the shortest period those of the others.
+TEST(Schedule, TellsWhereStepsEnd) {
+  Schedule s;
+  const int rows = s.add(hertz(10.0)), control = s.add(hertz(2.0), Rational{1, 4});
+  EXPECT_FALSE(s.any_inside());
+  s.let_inside(rows, true);
+  EXPECT_TRUE(s.any_inside());
+  EXPECT_EQ(s.time(), 0.0);
+  EXPECT_EQ(s.stop(), 0.25);
+  EXPECT_EQ(s.shortest_period(), 0.5);
+  for (int i = 0; i < 3; ++i) s.next();
+  EXPECT_EQ(s.time(), 0.25);
+  EXPECT_EQ(s.next().entry, control);
+  EXPECT_EQ(s.stop(), 0.75);
+  s.let_inside(control, true);
+  EXPECT_EQ(s.stop(), std::numeric_limits<double>::infinity());
+}
+
+TEST(Schedule, TellsWhetherAnyTickComesBetweenStops) {
+  const auto between = [](Rational period, Rational offset) {
+    Schedule s;
+    s.add({1, 20}, {3, 40});
+    s.let_inside(s.add(period, offset), true);
+    return s.any_inside();
+  };
+  EXPECT_FALSE(between({1, 20}, {3, 40}));
+  EXPECT_FALSE(between({1, 10}, {7, 40}));
+  EXPECT_TRUE(between({1, 10}, {1, 10})) << "another offset";
+  EXPECT_TRUE(between({1, 10}, {1, 40})) << "before the first stop";
+  EXPECT_TRUE(between({3, 40}, {3, 40})) << "no whole number of periods";
+}
+
 TEST(Schedule, TicksOfOneInstantComeInTheOrderOfRegistration) {
   Schedule s;
   s.add(hertz(1.0));

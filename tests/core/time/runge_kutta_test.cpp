@@ -52,6 +52,64 @@ TEST(RungeKutta, DenseOutputOfDop853HasOrderSeven) {  // its error per step is h
   EXPECT_NEAR(slope(dense_error("dop853", 0.4), dense_error("dop853", 0.2)), 8.0, 0.5);
 }
 
+/// The largest error of the dense output over the steps to 6 s, each from the state at its start, in tolerances: absolute and relative.
+double inside_in_tolerances(const std::string& method, OdeProblem p, std::vector<double> x, double tolerance) {
+  p.looked_inside = true;
+  const auto integrator = make_integrator(p, adaptive(method, tolerance));
+  std::vector<double> inside(x.size());
+  double t = 0.0, worst = 0.0;
+  integrator->restart(t, x.data());
+  while (t < 6.0) {
+    const std::vector<double> x0 = x;
+    const double end = integrator->step(6.0, x.data()).t;
+    for (const double s : {0.1, 0.25, 0.5, 0.75, 0.9}) {
+      const auto exact = make_integrator(p, adaptive("dop853", 1e-13));
+      const Values there = integrate(*exact, t, x0, t + s * (end - t));
+      integrator->interpolate(t + s * (end - t), inside.data());
+      double sum = 0.0;
+      for (std::size_t i = 0; i < x.size(); ++i)
+        sum += std::pow((inside[i] - there[i]) / (tolerance * (1.0 + std::max(std::abs(x0[i]), std::abs(x[i])))), 2);
+      worst = worse(worst, std::sqrt(sum / static_cast<double>(x.size())));
+    }
+    t = end;
+  }
+  return worst;
+}
+
+OdeProblem elliptic_orbit(double tolerance) {
+  return problem(
+      4,
+      [](double, const double* x, double* xdot) {
+        const double r = std::hypot(x[0], x[1]), pull = -1.0 / (r * r * r);
+        xdot[0] = x[2], xdot[1] = x[3], xdot[2] = pull * x[0], xdot[3] = pull * x[1];
+        return true;
+      },
+      tolerance);
+}
+
+/// Of the nine terms of order 5 that an elliptic orbit has its dense output leaves at most 7.87 times what the estimate has of each, and
+/// that is at most the tolerance; docs/mathematics/integration.md, "Rows inside of steps".
+TEST(RungeKutta, DenseOutputOfDopri5IsOffByEightTolerancesAtMost) {
+  const double off = inside_in_tolerances("dopri5", elliptic_orbit(1e-7), {0.4, 0.0, 0.0, 2.0}, 1e-7);
+  EXPECT_LT(off, 7.87);
+  EXPECT_GT(off, 0.1) << "it is of this size";
+}
+
+/// Also of a fast swing that is no larger than the tolerance, beside a slow one: where nobody looks inside it is off by hundreds of them.
+TEST(RungeKutta, DenseOutputOfDop853IsOffByThreeTolerancesAtMost) {
+  for (const double tolerance : {1e-6, 1e-8, 1e-10}) {
+    const OdeProblem swings = problem(
+        4,
+        [](double, const double* x, double* xdot) {
+          xdot[0] = x[1], xdot[1] = -x[0], xdot[2] = x[3], xdot[3] = -400.0 * x[2];
+          return true;
+        },
+        tolerance);
+    EXPECT_LT(inside_in_tolerances("dop853", swings, {1.0, 0.0, tolerance, 0.0}, tolerance), 8.0 / 3.0) << tolerance;
+    EXPECT_LT(inside_in_tolerances("dop853", elliptic_orbit(tolerance), {0.4, 0.0, 0.0, 2.0}, tolerance), 8.0 / 3.0) << tolerance;
+  }
+}
+
 /// The order conditions sum_j a_ij = c_i and sum_i b_i c_i^k = 1 / (k + 1) of the 20 digits: x' = t^k over one step.
 TEST(RungeKutta, Dop853IntegratesPolynomialsOfItsOrder) {
   for (int k = 0; k < 8; ++k) {
