@@ -3,6 +3,8 @@
 // into the one that was just made.
 #include "core/sim/simulation.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 
@@ -195,7 +197,7 @@ void Simulation::tick() {
 /// What only looks and is to happen before t_end, where the step just made ends: at states inside of it, by the method's polynomial. The
 /// motion goes on as if nobody had looked.
 void Simulation::look_inside(double t_end) {
-  constexpr double eps = std::numeric_limits<double>::epsilon();
+  constexpr double eps = std::numeric_limits<double>::epsilon(), kMissed = 1e-3;  // of what a function is at the ends of a step
   const struct Look {
     explicit Look(Simulation& of) : sim(of), drifted(of.drifted_) { sim.inside_ = true; }
     ~Look() { sim.inside_ = false, sim.drifted_ = drifted; }
@@ -205,6 +207,24 @@ void Simulation::look_inside(double t_end) {
     bool drifted;
   } look(*this);
   x_inside_.resize(x_.size());
+  std::vector<double> begins, ends;  // of the functions of events
+  const auto of_event = [&](std::size_t i, double t, const double* x) { return events_[i].function(t, x, x + model_->nq); };
+  if (!events_.empty()) {
+    pack(x_inside_.data());
+    for (std::size_t i = 0; i < events_.size(); ++i)
+      begins.push_back(of_event(i, state_.t, x_inside_.data())), ends.push_back(of_event(i, t_end, x_.data()));
+  }
+  // Between two ends of one sign, both away from zero, another one: it went through zero twice, and nobody has seen it.
+  const auto expect_no_event = [&] {
+    for (std::size_t i = 0; i < events_.size(); ++i) {
+      const double least = std::min(std::abs(begins[i]), std::abs(ends[i]));
+      if (!(begins[i] * ends[i] > 0.0) || !(std::copysign(1.0, ends[i]) * of_event(i, state_.t, x_inside_.data()) < -kMissed * least))
+        continue;
+      warn(Code::mission_doubt, {fmt::format("event \"{}\"", events_[i].name), {}},
+           "its function crosses zero twice inside of a step, which ends at none of the two: it is missed",
+           "integrator.max_step as short as what is to be seen, or output.between_steps = false");
+    }
+  };
   while (schedule_.time() < t_end) {
     const double t = schedule_.time();
     t_inside_ = t_end - t <= 16.0 * eps * std::abs(t_end) ? t_end : t;  // a step of rounding has no inside
@@ -221,6 +241,7 @@ void Simulation::look_inside(double t_end) {
     state_.t = t;
     unpack(x_inside_.data());
     observed_ = ledger_known_ = false;
+    expect_no_event();
     tick();
   }
   if (!drives_.empty()) drive_loops(t_end, t_end, drives_);

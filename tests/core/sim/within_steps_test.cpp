@@ -409,6 +409,24 @@ TEST(BetweenSteps, WhatChangesSomethingInsideIsRefused) {
   }
 }
 
+/// A parabola that is below zero for 0.12 s, inside of one step: nobody finds the event, and a row tells it. Where rows end steps it
+/// happens.
+TEST(BetweenSteps, AnEventThatIsMissedIsTold) {
+  for (const bool between_steps : {true, false}) {
+    Recorded run(system(base_with_sprung_arm()), options_of("dop853", 1e-5, between_steps), {1, 20});
+    run.sim.add_event({"dip", [](double t, const double*, const double*) { return (t - 1.7) * (t - 1.7) - 0.0036; }, 0, {}});
+    run.sim.run(4.0);
+    EXPECT_EQ(run.kept.events.size(), between_steps ? 0u : 2u);
+    ASSERT_EQ(run.sim.warnings().all().size(), between_steps ? 1u : 0u);
+    if (!between_steps) continue;
+    EXPECT_EQ(run.sim.warnings().all()[0].what.code, Code::mission_doubt);
+    EXPECT_EQ(run.sim.warnings().all()[0].what.at.key_path, "event \"dip\"");
+  }
+  Busy none("dopri5", true);
+  none.sim.run(2.0);
+  for (const Warning& w : none.sim.warnings().all()) EXPECT_EQ(w.what.at.key_path.find("event"), std::string::npos);
+}
+
 /// Of which each row inside of a step would be a step of its own.
 TEST(BetweenSteps, RowsOfExtendedRunsEndSteps) {
   Recorded inside(system(base_with_sprung_arm()), options_of("extended", 1e-18, true), {1, 10});
