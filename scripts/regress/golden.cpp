@@ -402,6 +402,7 @@ class GoldenReader {
       c.units.push_back(column->units[indices.back()]);
     }
     c.width = indices.size();
+    if (c.components.empty()) c.named = column->components;
     c.times = file.times;
     for (std::size_t row = 0; row < file.times.size(); ++row)
       for (const std::size_t k : indices) {

@@ -31,6 +31,7 @@ struct GoldenChannel : Claim {
   };
   std::string channel;
   std::vector<std::string> components;  // empty: all of the channel
+  std::vector<std::string> named;       // where that is empty: all that a reference in the layout of run.h5 has, by name
   Kind kind = Kind::rows;
   std::vector<double> times;       // [s]
   std::vector<double> values;      // row-major, in `unit`, or in `units` of a recorded reference

@@ -224,6 +224,11 @@ class Judge {
           "channel", g.channel,
           {Code::wrong_type, g.at, fmt::format("a reference of {} numbers, as the channel has components: {}", names.size(), one_of(names)),
            fmt::format("{}", g.width)});
+    if (!g.named.empty() && g.named != column.components)
+      return add_problem(
+          "channel", g.channel,
+          {Code::wrong_type, g.at, fmt::format("a reference of {}, as the channel has them", fmt::join(column.components, ", ")),
+           fmt::format("{}", fmt::join(g.named, ", ")), "`components` chooses them by name"});
     std::vector<std::size_t> rows;  // of the run
     std::vector<double> times;
     for (std::size_t i = 0; i < run_.times.size(); ++i)

@@ -129,6 +129,27 @@ controller { name = "constants", rate = "10 Hz", step = function() s.h(1, 2, 3) 
   EXPECT_TRUE(has(file_text(dir_ / "out/regress/units/report.html"), "\"N*m*s N*m*s N*m*s\"")) << "each on the page";
 }
 
+// A quaternion x, y, z, w in place of w, x, y, z: numbers of other components are not compared place by place.
+TEST_F(Regress, AReferenceHasTheComponentsOfTheChannel) {
+  const std::string golden =
+      "cardan_golden: 1\ntruth: another program\nchannels:\n  - {channel: k, class: truth, absolute: 1e-9, "
+      "why: constants, reference: ";
+  add("swing", golden + "{final: [4, 4], unit: 1}}\n");
+  const std::string mission = file_text(dir_ / "swing/scenario.lua");
+  const auto named = [&](const std::string& names) {
+    write(dir_ / "swing/scenario.lua", mission + "local s = signals { k = { unit = '1', components = { " + names +
+                                           " } } }\ncontroller { name = 'constants', rate = '10 Hz', step = function() s.k(4, 4) end }\n");
+  };
+  named("'a', 'b'");
+  EXPECT_EQ(regress().exit_code, 0);
+  fs::copy(dir_ / "out/regress/swing/run.h5", dir_ / "swing/truth.h5");
+  write(dir_ / "swing/golden.yaml", golden + "{file: truth.h5}}\n");
+  EXPECT_EQ(regress().exit_code, 0);
+  named("'b', 'a'");
+  EXPECT_EQ(regress().exit_code, 1);
+  EXPECT_TRUE(has(results().dump(), "a reference of b, a, as the channel has them")) << results().dump(1);
+}
+
 TEST_F(Regress, AFailedCheckOfTheScenarioFails) {
   add("swing", printed() + "settings: {start: 31 deg}\n");  // which the period knows
   EXPECT_EQ(regress().exit_code, 1);
