@@ -171,7 +171,10 @@ void LoopPass::close_by_hinge(const Loop& loop, std::size_t l, Force<double>* W,
     const std::uint32_t zero = 0;
     f.kinematics(loop.packed.data(), 1, &zero, &zero, q.data(), v.data(), &out);
   }
-  complement(H_A, W);
+  if (f.shape == CARDAN_SHAPE_ROTATION)
+    soa::rows_across(from_eigen(Eigen::Vector3d(H_A.col(0).head<3>())), W);
+  else
+    complement(H_A, W);
   const Eigen::Matrix<double, 6, 1>& e = fit.e;
   const Vec3<double> turn = r.R * Vec3<double>{e[0], e[1], e[2]}, shift = r.R * Vec3<double>{e[3], e[4], e[5]};
   const Vec3<double> alpha = r.R * Vec3<double>{out.Hdot_v[0], out.Hdot_v[1], out.Hdot_v[2]};

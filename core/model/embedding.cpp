@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <numeric>
 #include <set>
@@ -242,6 +243,11 @@ class Embedder {
         c.closing = loop.closing, c.first = loop.first;
         c.length = loop.length, c.lever = loop.lever, c.reference = loop.reference;
         c.coupling = loop.coupling, c.drive = loop.drive;
+        if (c.closing == Closing::hinge && loop.hinge->shape == CARDAN_SHAPE_ROTATION) {
+          double u[3], pitch;
+          loop.hinge->axis(loop.packed.data(), u, &pitch);
+          c.turns = true, c.axis = {u[0], u[1], u[2]};
+        }
         c.gradient = e_.n_gradients, e_.n_gradients += static_cast<int>(loop.coupling.terms.size());
         c.from = place_of(loop.from), c.to = place_of(loop.to);
         c.after_modes = meets_[at(next)];

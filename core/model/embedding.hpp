@@ -53,6 +53,8 @@ struct EmbeddedLoop {
   Pose<double> from, to;                              // nodes in their bodies, or in the world
   int from_node = -1, to_node = -1;                   // index into SweepModel::nodes of one that deforms with its body
   double length = 0.0, lever = 1.0, reference = 1.0;  // as in Loop
+  bool turns = false;                                 // the hinge that closes it does so about one axis and nothing else
+  Vec3<double> axis;                                  // ... in its frames
   Coupling coupling;
   int drive = -1;
   bool by_rates = true;  // false: by multipliers

@@ -250,6 +250,15 @@ static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c
       extra[0] = (dot(u, u) - along * along) / length;
       break;
     }
+    case Closing::hinge:
+      if (c.turns) {
+        rows_across(transpose_times(a.R, b.R * c.axis), W);
+        const Vec3<double> turn = cross(a.R * c.axis, b.R * c.axis), wu = cross(w, u);  // to first order
+        for (int i = 0; i < 3; ++i) hold(i, i), extra[i] = -dot(axes[i], wu);
+        for (int i = 3; i < 5; ++i) W[i].n = a.R * W[i].n, residual[i] = dot(W[i].n, turn);
+        break;
+      }
+      [[fallthrough]];
     default: {
       const RelativePlace place{transpose(a.R) * b.R, transpose_times(a.R, d), transpose_times(a.R, w), transpose_times(a.R, u)};
       hinges.close(hinges.context, c.loop, place, W, residual, extra);
@@ -268,9 +277,12 @@ static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c
     const PathState& s = path[p.state];
     const Vec3<double> arm = b.p - s.p;  // both ends at the place of `to`
     const BodyKernel kind = model.bodies[p.body].kind;
-    if (forces && is_axis(kind) && kind != BodyKernel::rotor) {
-      const Vec3<double> moving = p.sign * cross(turning_axis(kind, s.R), arm);
-      for (int r = 0; r < c.rows; ++r) G[r * c.own_columns + p.column] = dot(W[r].f, moving);
+    if (is_axis(kind) && kind != BodyKernel::rotor) {
+      const Vec3<double> turning = p.sign * turning_axis(kind, s.R), moving = cross(turning, arm);
+      for (int r = 0; r < c.rows; ++r) {
+        double& entry = G[r * c.own_columns + p.column] = dot(W[r].f, moving);
+        if (!forces) entry += dot(W[r].n, turning);
+      }
     } else if (forces && kind == BodyKernel::slide) {
       const Vec3<double> moving = p.sign * (s.R * model.bodies[p.body].axis);
       for (int r = 0; r < c.rows; ++r) G[r * c.own_columns + p.column] = dot(W[r].f, moving);

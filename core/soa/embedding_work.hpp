@@ -1,6 +1,7 @@
 #pragma once
 // Working memory of loops that are closed inside of the sweeps (core/model/embedding.hpp), one per workspace.
 #include <algorithm>
+#include <cmath>
 #include <vector>
 
 #include "core/model/embedding.hpp"
@@ -18,6 +19,19 @@ struct RowsOfHinges {
   void (*close)(void* context, int loop, const RelativePlace& place, Force<double>* W, double* c, double* extra) = nullptr;
   void* context = nullptr;
 };
+
+/// The rows of a hinge that turns about the unit vector a alone: forces along the axes, and two moments across a. Where components of a are
+/// alike, rounding does not choose between them: rows that are found twice are the same.
+CARDAN_INLINE void rows_across(const Vec3<double>& a, Force<double>* W) {
+  constexpr double kAlike = 1e-6;
+  const double x = a.x * a.x, y = a.y * a.y, z = a.z * a.z;
+  Vec3<double> least{1, 0, 0};
+  if (y < x - kAlike) least = {0, 1, 0};
+  if (z < std::fmin(x, y) - kAlike) least = {0, 0, 1};
+  const Vec3<double> across = cross(a, least), n = (1.0 / std::sqrt(dot(across, across))) * across;
+  W[0] = {{}, {1, 0, 0}}, W[1] = {{}, {0, 1, 0}}, W[2] = {{}, {0, 0, 1}};
+  W[3] = {cross(n, a), {}}, W[4] = {n, {}};
+}
 
 /// A body of a path relative to home at rest, axes and origin of home.
 template <class T>

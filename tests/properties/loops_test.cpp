@@ -1255,6 +1255,26 @@ TEST(Loops, MoveWhatHasNoInertiaInTheOpenTree) {
   }
 }
 
+// What a hinge that turns about one axis lets through: five wrenches of length one, at right angles to each other and to the axis.
+TEST(Loops, RowsOfATurningHingeAreAcrossItsAxis) {
+  std::mt19937_64 random(7);
+  std::normal_distribution<double> number;
+  for (int i = 0; i < 60; ++i) {
+    Vec3<double> a{i % 7 == 1 ? 0.0 : number(random), i % 5 == 1 ? 0.0 : number(random), number(random)};
+    if (i % 4 == 0) a = i % 3 == 0 ? Vec3<double>{0, 1, 0} : i % 3 == 1 ? Vec3<double>{1, 1, 0} : Vec3<double>{1, -1, 1};
+    a = (1.0 / std::sqrt(dot(a, a))) * a;
+    Force<double> W[5], again[5];
+    soa::rows_across(a, W);
+    soa::rows_across({a.x + 1e-15 * number(random), a.y + 1e-15 * number(random), a.z + 1e-15 * number(random)}, again);
+    for (int r = 0; r < 5; ++r) {
+      EXPECT_NEAR(dot(W[r].n, a), 0.0, 4e-16);
+      const Vec3<double> d = again[r].n - W[r].n;
+      EXPECT_LE(std::sqrt(dot(d, d)), 1e-13);
+      for (int s = 0; s < 5; ++s) EXPECT_NEAR(dot(W[r].n, W[s].n) + dot(W[r].f, W[s].f), r == s, 1e-15);
+    }
+  }
+}
+
 // The same mechanism cut elsewhere and closed by other rows moves alike.
 TEST(Loops, ClosedByAPointByALineAndByAHingeMoveAlike) {
   std::vector<double> crank;
