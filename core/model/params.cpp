@@ -250,6 +250,7 @@ class TableFile {
   }
 
   void line(std::string_view text, int number) {
+    if (number == 1 && text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
     text = trimmed(text.substr(0, text.find('#')));
     if (text.empty()) return;
     line_ = number;

@@ -112,6 +112,8 @@ struct Layout {
 bool Bulletin::read(std::string_view file, std::string& fault) {
   Layout layout;
   int number_of_line = 0;
+  bool over = false;
+  if (file.starts_with("\xEF\xBB\xBF")) file.remove_prefix(3);
   while (!file.empty()) {
     const std::size_t end = std::min(file.find('\n'), file.size());
     const std::string_view line = file.substr(0, end);
@@ -130,7 +132,11 @@ bool Bulletin::read(std::string_view file, std::string& fault) {
       if (layout.separator != 0) continue;
     }
     const auto cells = layout.cells(line);
-    if (cells[kUt1].empty() && !cells[0].empty() && !days_.empty()) break;  // beyond what is predicted there are dates alone
+    if (cells[kUt1].empty() && !cells[0].empty() && !days_.empty()) {  // beyond what is predicted there are dates alone
+      over = true;
+      continue;
+    }
+    if (over) return refuse("no " + std::string(kColumns[kUt1].names[0]) + " of the day before, but again");
     Cells<double> x{};
     for (std::size_t k = 0; k < kCount; ++k) {
       const auto read = number(cells[k]);

@@ -44,7 +44,9 @@ struct WeatherFile {
     };
     int number = 0;
     bool named = false;
-    for (std::string_view all = params.bytes("weather"); !all.empty();) {
+    std::string_view all = params.bytes("weather");
+    if (all.starts_with("\xEF\xBB\xBF")) all.remove_prefix(3);
+    while (!all.empty()) {
       const std::size_t end = std::min(all.find('\n'), all.size());
       std::string_view line = all.substr(0, all.substr(0, end).find('#'));
       line = line.substr(0, std::min(line.size(), end));

@@ -143,6 +143,8 @@ TEST(Nrlmsise00Field, TakesTheWeatherOfItsDays) {
   at.history = true;
   EXPECT_NEAR(history.at(x, t).value[0] / of_model(at, 420e3, 0.6, -1.7), 1.0, 1e-10);
   EXPECT_EQ(history.at(x, t).beyond, 0);
+  const AskedField marked("nrlmsise00", {}, epoch, {{"weather", "\xEF\xBB\xBF" + storm_of_2003()}});  // as some editors write it
+  EXPECT_EQ(marked.at(x, t).value[0], daily.at(x, t).value[0]);
 }
 
 TEST(Nrlmsise00Field, HoldsTheWeatherOfItsEnds) {

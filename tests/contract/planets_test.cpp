@@ -218,6 +218,12 @@ TEST(Bulletin, ThatIsNoneIsRefused) {
   EXPECT_EQ(fault(head + "58119,0,0,-37.1\n"), "too much for ut1_utc in line 2");
   EXPECT_EQ(fault("mjd,x [rad],y [rad],ut1_utc [ms]\n58119,0.06,0,216\n"), "too much for x in line 2");
   EXPECT_EQ(fault(head + "1e300,0,0,0.1\n"), "not a day from 1962 to 2100: in line 2");
+  // After the days that are predicted dates stand alone; a row that is cut short in their midst is none of these.
+  EXPECT_EQ(fault(head + days + "58122,0\n58123,0,0,0.1\n"), "no ut1_utc of the day before, but again in line 6");
+  std::string text;
+  const Bulletin* marked = Bulletin::of("\xEF\xBB\xBF" + head + days + "58122,0,0,0.1\n58123\n58124\n", text);
+  ASSERT_TRUE(marked) << text;
+  EXPECT_EQ(marked->last(), 58122);
 }
 
 /// The example of the IAU's SOFA tools for Earth attitude (2007 April 5, 12 h UTC, by X, Y of 2006/2000A): its bulletin's numbers as

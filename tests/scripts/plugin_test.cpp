@@ -269,7 +269,7 @@ TEST(PluginTables, AreTheSameInPlaceAndInAFile) {
   const auto hashes = Hdf5File::open(dir / "b/run.h5").read_texts("/run/modal_files");
   ASSERT_EQ(hashes.size(), 2u) << "the file is recorded as files of modes are";
   EXPECT_EQ(hashes[0], "track.csv");
-  write(dir / "track.csv", "z, name, y, x [mm]\n0, start, 0, 0\n0, ahead, 0, 1000\n0, aside, 20 cm, 0\n");
+  write(dir / "track.csv", "\xEF\xBB\xBFz, name, y, x [mm]\n0, start, 0, 0\n0, ahead, 0, 1000\n0, aside, 20 cm, 0\n");
   const Finished others = dir.with_coefficients("track.csv", {"run", ".", "--out", "d", "--quiet"});
   EXPECT_EQ(others.exit_code, 0) << others.err;
   EXPECT_EQ(channels_of(dir / "a"), channels_of(dir / "d")) << "columns by their names";
