@@ -107,8 +107,15 @@ function slew.plan(options)
   expect(type(start) == "number", "a start in s", start)
 
   local impulses = { { time = 0, share = 1 } }
-  for _, shaper in ipairs(options.shapers or {}) do
-    local both = {}
+  expect(type(options.shapers or {}) == "table", "a list of shapers", options.shapers)
+  for key, shaper in pairs(options.shapers or {}) do
+    expect(math.type(key) == "integer" and type(shaper) == "table", "shapers as a list, each by slew.shaper", key)
+    local both, sum = {}, 0
+    for _, impulse in ipairs(shaper) do
+      expect(type(impulse) == "table" and type(impulse.time) == "number" and type(impulse.share) == "number", "impulses with time and share", impulse)
+      sum = sum + impulse.share
+    end
+    expect(math.abs(sum - 1) < 1e-9, "shapers as a list, each with shares that are 1 together", sum)
     for _, a in ipairs(impulses) do
       for _, b in ipairs(shaper) do both[#both + 1] = { time = a.time + b.time, share = a.share * b.share } end
     end

@@ -61,6 +61,9 @@ for expected, call in pairs {
   ["a damping from 0 to below 1, got 1"] = function() slew.shaper("zv", 1, 1) end,
   ["a rate > 0, got nil"] = function() slew.plan { from = from, to = to, acceleration = 1 } end,
   ["to of length 1, got 2"] = function() slew.plan { from = from, to = { 2, 0, 0, 0 }, rate = 1, acceleration = 1 } end,
+  ["each with shares that are 1 together, got 0"] = function()
+    slew.plan { from = from, to = to, rate = 1, acceleration = 1, shapers = slew.shaper("zv", 1) }  -- not in a list
+  end,
   ["the profile trapezoid, versine or quintic, got cubic"] = function() slew.plan { from = from, to = to, rate = 1, acceleration = 1, profile = "cubic" } end,
 } do
   local ok, why = pcall(call)
