@@ -99,9 +99,10 @@ DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devi
       const int mount = d.mount + static_cast<int>(i);
       Mounts& read = d.acts && (m.use & CARDAN_USE_ACCELERATION) == 0 ? in_steps_ : between_;
       const bool pushes = (m.use & CARDAN_USE_LOAD) != 0;
-      if (m.v < 0 && m.node < 0) {  // a field, or the ground
+      if (m.v < 0 && m.node < 0) {  // a field, the ground, or a hinge that is held or gone
         double* R = motions_[mount].R_WN;
         if (d.family->mounts[i].kind == CARDAN_MOUNT_NODE) R[0] = R[4] = R[8] = 1.0;
+        if (m.still) motions_[mount].q = m.still->q;
         continue;
       }
       if (m.node < 0) read.hinges.push_back({mount, m.q, m.v});
@@ -113,7 +114,7 @@ DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devi
     }
     if (d.family->follow) following_.push_back(static_cast<int>(&d - all.all.data()));
   }
-  if (!following_.empty()) followed_motions_.resize(motions_.size());
+  if (!following_.empty()) followed_motions_ = motions_;
   begins.push_back(static_cast<int>(given_.size())), begin_added.push_back(static_cast<int>(added_.size()));
   const auto call = [&](int i) {
     const Range given{begins[i], begins[i + 1]}, added{begin_added[i], begin_added[i + 1]};

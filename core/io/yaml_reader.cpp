@@ -339,12 +339,13 @@ void apply_override(DocNode& root, std::string_view key_path, std::string_view v
   set_marks(*node, mark);
 }
 
-SystemSpec vehicle_from_text(std::string_view text, const std::string& file, const Registry& registry, const Overrides& overrides) {
+SystemSpec vehicle_from_text(std::string_view text, const std::string& file, const Registry& registry, const Overrides& overrides,
+                             const SystemSpec* described) {
   DocNode root = parse_yaml(text, file);
   if (root.kind == DocNode::Kind::empty) fail(Code::empty_system, {file, 0, 0}, "a vehicle", "an empty file");
   for (const auto& [key_path, value] : overrides) apply_override(root, key_path, value);
   DiagnosticSink sink;
-  SystemSpec spec = vehicle_from_doc(root, registry, sink);
+  SystemSpec spec = vehicle_from_doc(root, registry, sink, described);
   if (!sink.empty()) {
     std::vector<Diagnostic> all = sink.all();
     std::stable_sort(all.begin(), all.end(), [](const Diagnostic& a, const Diagnostic& b) {

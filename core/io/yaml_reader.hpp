@@ -25,8 +25,10 @@ void apply_override(DocNode& root, std::string_view key_path, std::string_view v
 
 using Overrides = std::vector<std::pair<std::string, std::string>>;  // key path, value
 
-/// Reads, overrides, checks. Throws InputError with everything that is wrong, in the order of the file.
-SystemSpec vehicle_from_text(std::string_view text, const std::string& file, const Registry& registry, const Overrides& overrides = {});
+/// Reads, overrides, checks. Throws InputError with everything that is wrong, in the order of the file. `described`: the vehicle that the
+/// text is of, where overrides give hinges that units of the text do not know.
+SystemSpec vehicle_from_text(std::string_view text, const std::string& file, const Registry& registry, const Overrides& overrides = {},
+                             const SystemSpec* described = nullptr);
 /// The same from a file; SystemSpec::source_text holds its bytes.
 SystemSpec read_vehicle(const std::string& path, const Registry& registry, const Overrides& overrides = {});
 

@@ -18,9 +18,11 @@ const char* kept(std::string text) {
 bool is_turn(std::string_view rate) { return rate == "rad/s"; }
 
 bool turns(const Model& model, const Device& device) {
-  for (const DeviceMount& mount : device.mounts)
+  for (const DeviceMount& mount : device.mounts) {
+    if (mount.still) return mount.still->turns;
     for (const UserBody& u : model.user)
       if (mount.v >= u.v && mount.v < u.v + u.nv) return is_turn(u.v_units[static_cast<std::size_t>(mount.v - u.v)]);
+  }
   return true;
 }
 

@@ -261,10 +261,20 @@ class DeviceCompiler {
           fmt::format("{}, which closes a loop", in_quotes(first)),
           "put that hinge among `bodies` and let another one of the loop close it; where each has a load, cut a link in two and close "
           "the loop by a weld of its halves");
-    if (const BodySpec* body = spec_.find(first); body && body->hinge.locked)
-      return fault(Code::unsupported, spec, desc.name, "a component of a hinge that moves",
-                   fmt::format("{}, whose hinge is locked", in_quotes(first)),
-                   "to stop it in a mission: a motion that is given, or a friction that holds it");
+    const BodySpec* body = spec_.find(first);
+    const cardan_hinge_family* family = body ? registry_.hinge(body->hinge.type) : nullptr;
+    if (family && body->hinge.locked)
+      for (std::uint32_t i = 0; i < family->nv; ++i) {
+        const std::string name = first + "." + family->v_names[i];
+        const bool has_q = family->nq == family->nv;
+        const bool same = target == name || (family->nv == 1 && target == first) || (has_q && target == first + "." + family->q_names[i]);
+        if ((must_turn && !is_turn(family->v_units[i])) || (needs_coordinate && !has_q)) continue;
+        legal.push_back(name);
+        if (same) m.still = {has_q && i < body->hinge.q.size() ? body->hinge.q[i] : 0.0, is_turn(family->v_units[i])};
+      }
+    if (family && (body->hinge.locked || family->nv == 0 || flies(body->hinge)) && !m.still)
+      m.still = spec.mounts.find(desc.name)->second.last;
+    if (m.still) return;
     fault(Code::unknown_name, spec, desc.name,
           legal.empty() ? wanted + ", of which there is none that moves" : wanted + ": " + one_of(legal), in_quotes(target),
           did_you_mean(target, legal));

@@ -154,6 +154,20 @@ Warnings doubts_at_start(const Model& model, const double* q, const double* v) {
   return found;
 }
 
+Warnings idle_at_hinges(const Model& model, const std::vector<std::string>& but) {
+  Warnings found;
+  for (const Device& d : model.devices.all)
+    for (std::size_t i = 0; i < d.mounts.size(); ++i) {
+      if (!d.mounts[i].still) continue;
+      const std::string& target =
+          model.spec->devices[static_cast<std::size_t>(d.spec)].mounts.find(d.family->mounts[i].name)->second.target;
+      if (std::ranges::find(but, target.substr(0, target.find('.'))) == but.end())
+        found.add(Code::no_effect, model.spec->locate(fmt::format("devices.{}.{}", d.name, d.family->mounts[i].name)),
+                  fmt::format("the hinge of {} is locked: it is read at rest, and to push there has no effect", in_quotes(target)));
+    }
+  return found;
+}
+
 Warnings held_back(const SystemSpec& spec, const std::vector<std::string>& but) {
   Warnings found;
   for (const BodySpec& body : spec.bodies) {

@@ -9,6 +9,8 @@ Warnings doubts(const SystemSpec& spec);
 
 /// Springs and loads of hinges that are locked, which do nothing as long as that is so; but of these bodies.
 Warnings held_back(const SystemSpec& spec, const std::vector<std::string>& but = {});
+/// Devices at such hinges.
+Warnings idle_at_hinges(const Model& model, const std::vector<std::string>& but = {});
 
 /// About a vehicle that begins at (q, v): hinges beyond their stops, devices that push one body against itself, rates that closed loops
 /// were given by the assembler and that nobody can have meant.

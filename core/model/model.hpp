@@ -75,6 +75,8 @@ struct DeviceMount {
   std::uint32_t use = 0;    // cardan_mount_use
   int node = -1, load = 0;  // index into SweepModel::nodes, and which wrench of devices it writes; -1: it is at a hinge
   int q = -1, v = -1;       // of a hinge component; q = -1: it has no coordinate of its own
+  /// Of a hinge component that is not there, as the hinge is locked or gone: it is read there, at rest, and pushing has no effect.
+  std::optional<DeviceSpec::Mount::Last> still{};
   int field = -1, at = -1;  // index into Model::fields, and which mount of the device tells the place; -1: it is no field
 };
 

@@ -77,6 +77,12 @@ struct HingeSpec {
   Located at;
 };
 
+/// On the world, at its origin, free in all six directions.
+inline bool flies(const HingeSpec& h) {
+  return h.type == "free" && h.inboard_body.empty() && !h.locked && h.prescribed.empty() && h.onode_position.isZero(0.0) &&
+         h.onode_R.isIdentity(0.0);
+}
+
 struct BodySpec {
   std::string name;
   std::string type = "rigid";                             // a family of the registry
@@ -101,6 +107,12 @@ struct DeviceSpec {
   struct Mount {
     std::string target;
     Located at;
+    /// Of a hinge component that a change of the vehicle has taken away: where it was, and whether it turns.
+    struct Last {
+      double q;
+      bool turns;
+    };
+    std::optional<Last> last{};
   };
   /// What an input is given: a number until something else is commanded, or an output of a device ("gyro.rate_x").
   struct Input {

@@ -63,7 +63,8 @@ std::vector<std::pair<std::string, DocRef>> named_items(const DocRef& map, ReadC
 
 class VehicleReader {
  public:
-  VehicleReader(const Registry& registry, DiagnosticSink& sink) : registry_(registry), context_{sink, spec_.defaults_used} {}
+  VehicleReader(const Registry& registry, DiagnosticSink& sink, const SystemSpec* described)
+      : registry_(registry), context_{sink, spec_.defaults_used}, described_(described ? *described : spec_) {}
 
   SystemSpec read(const DocNode& root) {
     spec_.source_file = root.mark.file;
@@ -245,7 +246,7 @@ class VehicleReader {
     for (uint32_t i = 0; i < family->n_mounts; ++i)
       if (const auto mount = map.find(family->mounts[i].name))
         device.mounts[family->mounts[i].name] = {read_text(*mount, family->mounts[i].meaning, context_), mount->at()};
-    const bool turning = turns(spec_, registry_, device, *family);
+    const bool turning = turns(described_, registry_, device, *family);
     read_params(map, schema_where(turning, *family), device.params);
     if (family->tick)
       if (const auto given = map.one({"rate", "period"})) {
@@ -626,6 +627,7 @@ class VehicleReader {
   const Registry& registry_;
   SystemSpec spec_;
   ReadContext context_;
+  const SystemSpec& described_;  // of whose hinges the units of devices are
 };
 
 }  // namespace
@@ -649,8 +651,8 @@ Eigen::Matrix3d read_inertia(const DocRef& value, double mass, const Eigen::Vect
   return I;
 }
 
-SystemSpec vehicle_from_doc(const DocNode& root, const Registry& registry, DiagnosticSink& sink) {
-  return VehicleReader(registry, sink).read(root);
+SystemSpec vehicle_from_doc(const DocNode& root, const Registry& registry, DiagnosticSink& sink, const SystemSpec* described) {
+  return VehicleReader(registry, sink, described).read(root);
 }
 
 }  // namespace cardan

@@ -9,6 +9,7 @@
 #include "core/base/units.hpp"
 #include "core/dynamics/hinge_fit.hpp"
 #include "core/dynamics/inverse.hpp"
+#include "core/model/device_units.hpp"
 #include "core/model/model_map.hpp"
 #include "core/model/params.hpp"
 #include "core/model/validate.hpp"
@@ -27,12 +28,6 @@ bool same_place(const HingeSpec& a, const HingeSpec& b) {
          std::ranges::equal(a.params, b.params, same_value);
 }
 bool joined_otherwise(const HingeSpec& a, const HingeSpec& b) { return !same_place(a, b) || a.locked != b.locked; }
-
-/// On the world, at its origin, free in all six directions.
-bool flies(const HingeSpec& h) {
-  return h.type == "free" && h.inboard_body.empty() && !h.locked && h.prescribed.empty() && h.onode_position.isZero(0.0) &&
-         h.onode_R.isIdentity(0.0);
-}
 
 class Rejoining {
  public:
@@ -67,6 +62,7 @@ class Rejoining {
         hold_as_found(loop);
       else if (const LoopDrive* drive = drive_of(loop.name))
         (loop.type == "distance" ? loop.length : loop.offset) = length_of(loop.name) + drive->more;
+    remember_components();
     const auto model = compile(std::make_shared<const SystemSpec>(spec_), registry_, options_);
     const ModelMap map = model_map(before_, *model);
     State state = carried(state_, map, *model);
@@ -89,6 +85,23 @@ class Rejoining {
   }
 
  private:
+  /// Where the hinge components are that devices are mounted at, for those of which the hinge is not there any more.
+  void remember_components() {
+    for (DeviceSpec& device : spec_.devices) {
+      const auto was = std::ranges::find(before_.devices.all, device.name, &Device::name);
+      if (was == before_.devices.all.end()) continue;
+      for (std::size_t i = 0; i < was->mounts.size(); ++i) {
+        const DeviceMount& m = was->mounts[i];
+        const auto mount = device.mounts.find(was->family->mounts[i].name);
+        if (mount == device.mounts.end()) continue;
+        mount->second.last = m.still;
+        for (const UserBody& u : before_.user)
+          if (m.v >= u.v && m.v < u.v + u.nv)
+            mount->second.last = {m.q >= 0 ? state_.q[m.q] : 0.0, is_turn(u.v_units[static_cast<std::size_t>(m.v - u.v)])};
+      }
+    }
+  }
+
   struct Place {
     Pose<double> pose;        // in the world
     Motion<double> velocity;  // its axes
@@ -307,6 +320,11 @@ std::vector<double> initial_places(const SystemSpec& spec) {
     all.push_back(l.to.node.empty());
     all.insert(all.end(), l.to.R.data(), l.to.R.data() + 9), all.insert(all.end(), l.to.position.data(), l.to.position.data() + 3);
   }
+  for (const DeviceSpec& d : spec.devices)
+    for (const auto& [name, mount] : d.mounts) {
+      all.push_back(mount.last.has_value());
+      if (mount.last) all.insert(all.end(), {mount.last->q, static_cast<double>(mount.last->turns)});
+    }
   return all;
 }
 
@@ -332,6 +350,14 @@ bool put_initial_places(SystemSpec& spec, const std::vector<double>& places) {
     std::copy_n(at, 9, l.to.R.data()), std::copy_n(at + 9, 3, l.to.position.data());
     at += 12;
   }
+  for (DeviceSpec& d : spec.devices)
+    for (auto& [name, mount] : d.mounts) {
+      if (at == places.end()) return false;
+      if (*at++ == 0.0) continue;
+      if (places.end() - at < 2) return false;
+      mount.last = {at[0], at[1] != 0.0};
+      at += 2;
+    }
   return at == places.end();
 }
 

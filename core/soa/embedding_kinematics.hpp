@@ -254,8 +254,8 @@ static inline void geometric_rows(const SweepModel& model, const EmbeddedLoop& c
       if (c.turns) {
         rows_across(transpose_times(a.R, b.R * c.axis), W);
         const Vec3<double> turn = cross(a.R * c.axis, b.R * c.axis), wu = cross(w, u);  // to first order
-        for (int i = 0; i < 3; ++i) hold(i, i), extra[i] = -dot(axes[i], wu);
-        for (int i = 3; i < 5; ++i) W[i].n = a.R * W[i].n, residual[i] = dot(W[i].n, turn);
+        for (int i = 0; i < 2; ++i) W[i].n = a.R * W[i].n, residual[i] = dot(W[i].n, turn);
+        for (int i = 0; i < 3; ++i) hold(2 + i, i), extra[2 + i] = -dot(axes[i], wu);
         break;
       }
       [[fallthrough]];

@@ -20,7 +20,7 @@ struct RowsOfHinges {
   void* context = nullptr;
 };
 
-/// The rows of a hinge that turns about the unit vector a alone: forces along the axes, and two moments across a. Where components of a are
+/// The rows of a hinge that turns about the unit vector a alone: two moments across a, and forces along the axes. Where components of a are
 /// alike, rounding does not choose between them: rows that are found twice are the same.
 CARDAN_INLINE void rows_across(const Vec3<double>& a, Force<double>* W) {
   constexpr double kAlike = 1e-6;
@@ -29,8 +29,8 @@ CARDAN_INLINE void rows_across(const Vec3<double>& a, Force<double>* W) {
   if (y < x - kAlike) least = {0, 1, 0};
   if (z < std::fmin(x, y) - kAlike) least = {0, 0, 1};
   const Vec3<double> across = cross(a, least), n = (1.0 / std::sqrt(dot(across, across))) * across;
-  W[0] = {{}, {1, 0, 0}}, W[1] = {{}, {0, 1, 0}}, W[2] = {{}, {0, 0, 1}};
-  W[3] = {cross(n, a), {}}, W[4] = {n, {}};
+  W[0] = {cross(n, a), {}}, W[1] = {n, {}};
+  W[2] = {{}, {1, 0, 0}}, W[3] = {{}, {0, 1, 0}}, W[4] = {{}, {0, 0, 1}};
 }
 
 /// A body of a path relative to home at rest, axes and origin of home.

@@ -210,7 +210,8 @@ void examine(Scenario& s) {
   expect_away_from_centre(s.model, s.sim->state().q.data());
   expect_tolerances_above_rounding(s);
   look_at_ticks(s);
-  if (!scripts_act(s)) s.warnings.add(held_back(*s.model->spec)), s.warnings.add(still_hinges(*s.sim));
+  if (!scripts_act(s))
+    s.warnings.add(held_back(*s.model->spec)), s.warnings.add(idle_at_hinges(*s.model)), s.warnings.add(still_hinges(*s.sim));
   s.warnings.add(unheeded_validity(*s.model));
   look_at_sizes(s);
   s.warnings.add(FlexibleLimits(*s.sim).expected(*s.sim, s.mission.duration));

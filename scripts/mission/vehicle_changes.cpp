@@ -86,7 +86,7 @@ Overrides VehicleChanges::with_wishes() const {
 
 /// The text with these values; modes whose source is as it was are not made anew.
 SystemSpec VehicleChanges::described(const Overrides& values) const {
-  SystemSpec spec = vehicle_from_text(described_->source_text, s_.file, s_.registry, values);
+  SystemSpec spec = vehicle_from_text(described_->source_text, s_.file, s_.registry, values, described_.get());
   take_modes(spec, *s_.model->spec);
   make_modes(spec, ModeCache::of_user());
   for (std::size_t i = 0; begun_elsewhere_ && i < std::min(spec.bodies.size(), described_->bodies.size()); ++i) {
@@ -155,6 +155,9 @@ Warnings VehicleChanges::without_effect() const {
   for (const BodySpec& body : described_->bodies)
     if (ever("bodies." + body.name + ".hinge.locked", "false")) unlocked.push_back(body.name);
   Warnings found = held_back(*described_, unlocked);
+  for (const BodySpec& body : described_->bodies)
+    if (!body.hinge.locked) unlocked.push_back(body.name);
+  found.add(idle_at_hinges(*s_.model, unlocked));
   for (const LoopSpec& loop : described_->loops)
     if (loop.open && !ever("loops." + loop.name + ".open", "false"))
       found.add(Code::no_effect, described_->locate("loops." + loop.name), "open all the time: nothing closed it",

@@ -281,6 +281,78 @@ event { name = "opens", once = true, direction = "rising", when = function() ret
   EXPECT_EQ(told.find("opens"), std::string::npos) << told;
 }
 
+TEST(Topology, DevicesAtAHingeThatIsHeldOrGoneReadItThereAndPushNothing) {
+  constexpr const char* kMotorised = R"yaml(
+cardan: 1
+bodies:
+  bus: {mass: 100 kg, inertia: [10, 12, 14], hinge: {type: free, to: world, initial: {rate: [0.1, 0, 0.05]}}}
+  panel: {mass: 5 kg, inertia: [0.2, 0.3, 0.4], com: [0.5, 0, 0], hinge: {type: revolute, to: {body: bus, position: [1, 0, 0]}, axis: [0, 1, 0], locked: true, initial: {angle: 0.3}}}
+  slide: {mass: 2 kg, inertia: [0.1, 0.1, 0.1], hinge: {type: prismatic, to: {body: bus, position: [0, 1, 0]}, axis: [0, 0, 1], initial: {rate: 0.4}}}
+  guest: {mass: 20, inertia: [2, 3, 4], hinge: {type: free, to: world, initial: {position: [5, 0, 0]}}}
+devices:
+  motor: {type: dc_motor, at: panel, resistance: 2, constant: 0.5, inductance: 0.01, inputs: {voltage: 3}}
+  encoder: {type: encoder, at: panel.rate, rate: 10 Hz}
+  ruler: {type: encoder, at: slide, rate: 10 Hz}
+  brake: {type: dry_friction, at: slide, coulomb: 0.2 N}
+)yaml";
+  constexpr const char* kReadings = R"lua(
+local panel, slide, motor = sat:hinge "panel", sat:hinge "slide", sat:device "motor"
+local encoder, ruler = sat:device "encoder", sat:device "ruler"
+local m = persist { worst = 0, angle = 0.3, along = 0 }
+local function near(a, b) m.worst = math.max(m.worst, math.abs(a - b)) end
+controller { name = "look", rate = "10 Hz", step = function(t)
+  local now = mission.phase()
+  local moves, gone = now == "free" or now == "again", now == "gone" or now == "welded"
+  if moves then m.angle = panel:angle() end
+  if not gone then m.along = slide:q() end
+  if t % 1 < 0.05 then return end
+  if now ~= m.phase and not moves and now ~= "locked" then m.phase, m.at = now, { encoder:get "position", ruler:get "position" } end
+  if not moves and t % 1 > 0.15 then near(encoder:get "rate", 0) end    -- by what it read the time before
+  near(encoder:get "position", (moves or now == "locked") and m.angle or m.at[1])
+  near(ruler:get "position", gone and m.at[2] or m.along)
+  if now == "held" then near(encoder:get "position", panel:angle()) end
+  if t % 1 > 0.5 and not moves then near(motor:get "current", 1.5) end    -- 3 V at 2 ohm, nothing turns; 100 times its time constant
+end }
+phase { name = "locked", duration = 1, exit_ = function() sat:unlock "panel" end }
+phase { name = "free", duration = 1, exit_ = function() sat:lock "panel" end }
+phase { name = "held", duration = 1, exit_ = function() sat:unlock "panel" end }
+phase { name = "again", duration = 1, exit_ = function() sat:detach "panel"; sat:detach "slide" end }
+phase { name = "gone", duration = 1, exit_ = function()
+  sat:attach("panel", { to = "bus", as_found = true })
+  sat:attach("slide", { to = "bus", as_found = true })
+end }
+phase { name = "welded" }
+check { name = "readings", value = function() return m.worst end, below = 1e-9 }
+check { name = "it went on turning", value = function() return m.angle end, above = 0.35 }
+)lua";
+  const TemporaryFolder dir;
+  const Finished run = mission(dir, kReadings, kMotorised);
+  ASSERT_EQ(run.exit_code, 0) << run.err << run.out;
+  const json summary = summary_of(dir / "out");
+  EXPECT_TRUE(summary.at("warnings").empty()) << summary.at("warnings").dump();  // books that do not balance, too
+  const std::string all = json(channels_of(dir / "out")).dump();
+  for (const char* at : {"0.5", "2.5", "4.5", "5.5"}) {
+    const Finished resumed = run_program({"run", "--resume", "out/run.h5", "--at", at, "--quiet", "--out", "resumed"}, dir.path());
+    ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+    EXPECT_EQ(json(channels_of(dir / "resumed")).dump(), all) << at;
+  }
+
+  // A hinge of another kind in its place has no such component.
+  const Finished other = mission(dir, R"lua(
+phase { name = "one", duration = 1, exit_ = function() sat:attach("slide", { to = "bus", type = "free" }) end }
+phase { name = "two" }
+)lua",
+                                 kMotorised);
+  EXPECT_EQ(other.exit_code, 3);
+  EXPECT_NE(other.err.find("at devices.brake.at"), std::string::npos) << other.err;
+  // Locked from the beginning to the end.
+  const Finished still = mission(dir, "", kMotorised);
+  EXPECT_EQ(still.exit_code, 0) << still.err;
+  const std::string told = summary_of(dir / "out").at("warnings").dump();
+  EXPECT_NE(told.find("the hinge of \\\"panel\\\" is locked: it is read at rest, and to push there has no effect"), std::string::npos)
+      << told;
+}
+
 TEST(Topology, WhatHadNoEffectIsToldAtTheEnd) {
   const TemporaryFolder dir;
   const char* latched = R"yaml(
