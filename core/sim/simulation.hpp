@@ -401,6 +401,7 @@ class Simulation {
   bool inside_ = false, keep_later_ = false, ledger_asked_ = false;  // in a look inside of a step; what is to follow at its end
   double t_inside_ = 0.0;                                            // [s] where the integrator is asked for the state
   std::vector<double> x_inside_;
+  std::vector<std::pair<double, double>> event_ends_;  // of the functions of events, at the start and the end of the step looked into
   long ended_by_looking_ = 0;
   std::int64_t tick_ = 0;        // how-manieth of the task that runs
   bool actuators_tick_ = false;  // devices with inputs are on the schedule: after all tasks before record() or run()

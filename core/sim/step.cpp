@@ -207,19 +207,19 @@ void Simulation::look_inside(double t_end) {
     bool drifted;
   } look(*this);
   x_inside_.resize(x_.size());
-  std::vector<double> begins, ends;  // of the functions of events
   const auto of_event = [&](std::size_t i, double t, const double* x) { return events_[i].function(t, x, x + model_->nq); };
   if (!events_.empty()) {
     pack(x_inside_.data());
+    event_ends_.resize(events_.size());
     for (std::size_t i = 0; i < events_.size(); ++i)
-      begins.push_back(of_event(i, state_.t, x_inside_.data())), ends.push_back(of_event(i, t_end, x_.data()));
+      event_ends_[i] = {of_event(i, state_.t, x_inside_.data()), of_event(i, t_end, x_.data())};
   }
   // Between two ends of one sign, both away from zero, another one: it went through zero twice, and nobody has seen it.
   const auto expect_no_event = [&] {
     for (std::size_t i = 0; i < events_.size(); ++i) {
-      const double least = std::min(std::abs(begins[i]), std::abs(ends[i]));
-      if (!(begins[i] * ends[i] > 0.0) || !(std::copysign(1.0, ends[i]) * of_event(i, state_.t, x_inside_.data()) < -kMissed * least))
-        continue;
+      const auto [begin, end] = event_ends_[i];
+      const double least = std::min(std::abs(begin), std::abs(end));
+      if (!(begin * end > 0.0) || !(std::copysign(1.0, end) * of_event(i, state_.t, x_inside_.data()) < -kMissed * least)) continue;
       warn(Code::mission_doubt, {fmt::format("event \"{}\"", events_[i].name), {}},
            "its function crosses zero twice inside of a step, which ends at none of the two: it is missed",
            "integrator.max_step as short as what is to be seen, or output.between_steps = false");
