@@ -71,11 +71,12 @@ void expect_channels(Scenario& s) {
   }
 }
 
-/// quat, vec, allocation, elliptic, cmg, slosh, slew, orbit.
+/// quat, vec, allocation, elliptic, cmg, slosh, slew, orbit, pointing, estimation, filter.
 void run_prelude(Scenario& s) {
-  s.lua.run_text("[cardan]",
-                 "for _, name in ipairs { 'quat', 'vec', 'allocation', 'elliptic', 'cmg', 'slosh', 'slew', 'orbit' } do _G[name] = "
-                 "require('cardan.' .. name) end");
+  s.lua.run_text(
+      "[cardan]",
+      "for _, name in ipairs { 'quat', 'vec', 'allocation', 'elliptic', 'cmg', 'slosh', 'slew', 'orbit', 'pointing', 'estimation', "
+      "'filter' } do _G[name] = require('cardan.' .. name) end");
 }
 
 /// With all that scripts see, before any script.

@@ -31,6 +31,15 @@ function quat.from_axis_angle(axis, angle)
   return { math.cos(angle / 2), s * axis[1], s * axis[2], s * axis[3] }
 end
 
+--- The rotation by a rotation vector: about it, by its length.
+---@param vector number[] [rad]
+---@return number[] q
+function quat.from_rotation_vector(vector)
+  local a = math.sqrt(vector[1] ^ 2 + vector[2] ^ 2 + vector[3] ^ 2)
+  local k = a < 1e-8 and 0.5 or math.sin(a / 2) / a
+  return { math.cos(a / 2), k * vector[1], k * vector[2], k * vector[3] }
+end
+
 --- The rotation vector [rad] (axis times angle, at most pi) of q.
 ---@param q number[]
 ---@return number[] vector [rad]
