@@ -78,6 +78,8 @@ int phase(lua_State* L, Scenario& s) {
   p.until = d.function("until_", false);
   p.enter = d.function("enter", false);
   p.exit = d.function("exit_", false);
+  p.next = d.table().text("next").value_or("");
+  p.declared = LuaHost::caller(L);
   d.finish();
   s.phases.push_back(std::move(p));
   return 0;

@@ -204,12 +204,32 @@ int mission(lua_State* L, Scenario& s) {
 
 }  // namespace
 
-/// `mission { ... }` declares; `mission.phase()` and `mission.time()` ask.
+/// mission.enter(name): that phase begins, the present one ends.
+int enter(lua_State* L, Scenario& s) {
+  if (s.stage != Scenario::Stage::run || s.in_event_function)
+    refuse(L, Code::lua_argument, "mission.enter", "a call from a controller, a phase or an event's action", "one from elsewhere");
+  const std::vector<std::string> known = names_of(s.phases);
+  const std::string wanted = lua_type(L, 1) == LUA_TSTRING ? lua_tostring(L, 1) : "";
+  const std::size_t index = index_of_phase(s.phases, wanted);
+  if (index == known.size())
+    refuse(L, Code::lua_argument, "mission.enter",
+           known.empty() ? "phases, declared by phase{...}" : fmt::format("a phase: {}", listed(known)),
+           known.empty() ? "none" : describe_value(L, 1), did_you_mean(wanted, known));
+  s.wanted_phase = index;
+  return 0;
+}
+
+/// `mission { ... }` declares; `mission.phase()`, `mission.phase_time()` and `mission.time()` ask; `mission.enter` changes the phase.
 void bind_mission(Scenario& s) {
   s.lua.bind("mission.phase", [&s](lua_State* L) {
     lua_pushlstring(L, s.phase.data(), s.phase.size());
     return 1;
   });
+  s.lua.bind("mission.phase_time", [&s](lua_State* L) {
+    lua_pushnumber(L, s.phase.empty() ? 0.0 : s.time() - s.phase_begun);
+    return 1;
+  });
+  s.lua.bind("mission.enter", [&s](lua_State* L) { return enter(L, s); });
   s.lua.bind("mission.time", [&s](lua_State* L) {
     lua_pushnumber(L, s.time());
     return 1;

@@ -40,6 +40,14 @@ void expect_complete(const Scenario& s) {
   expect_known(s);
 }
 
+/// Phases that others name are declared.
+void expect_phases(const Scenario& s) {
+  for (const Phase& p : s.phases)
+    if (!p.next.empty() && index_of_phase(s.phases, p.next) == s.phases.size())
+      refuse(Code::unknown_name, {fmt::format("phase {}.next", p.name), p.declared}, fmt::format("a phase: {}", listed(names_of(s.phases))),
+             in_quotes(p.next), did_you_mean(p.next, names_of(s.phases)));
+}
+
 /// Signals share the tree of the results with what is recorded anyway: a name that is taken, or is the folder of another one.
 void expect_channels(Scenario& s) {
   if (s.signals.empty()) return;
@@ -108,6 +116,7 @@ std::unique_ptr<Scenario> open_scenario(const ScenarioOptions& options) {
   s->lua.run_file(s->file.filename().string());
   s->expect_closed();
   expect_complete(*s);
+  expect_phases(*s);
   expect_channels(*s);
   examine(*s);
   return s;

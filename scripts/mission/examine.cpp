@@ -243,9 +243,11 @@ std::vector<std::string> kept_elsewhere_at_start(Scenario& s) {
   };
   if (!s.phases.empty()) {
     s.phase = s.phases[0].name;
+    s.phase_begun = t;
     call(s.phases[0].enter, s.phases[0].name);
   }
   for (const Controller& c : s.controllers) call(c.step, c.name);
+  s.wanted_phase.reset();  // nothing began
   return s.persistent.elsewhere();
 }
 

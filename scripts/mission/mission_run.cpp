@@ -13,6 +13,7 @@ namespace {
 
 constexpr const char* kPersist = "persist{}";  // acts where a checkpoint is made
 constexpr double kInstant = 1e-9;              // [s] what is closer than this happens at the same time
+constexpr int kMostChanges = 100;              // of phases in one instant
 constexpr double kMostIntervals = 500.0;       // of the history of steps, in the planned duration
 
 /// An error of a script during the run.
@@ -75,6 +76,7 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
                      const double t = s_.sim->time();
                      happened_[i] = e.once;
                      call(actor, [&] { e.action.call({&t, 1}, {}); });
+                     if (s_.wanted_phase) advance_phase();
                    }});
   }
   for (const Controller& c : s_.controllers)
@@ -135,7 +137,7 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
 }
 
 void MissionRun::remember(Archive& a) {
-  a.block("mission")(phase_).finite(phase_start_)(noted_, s_.warnings, limits_, std::span(happened_));
+  a.block("mission")(phase_).finite(s_.phase_begun)(noted_, s_.warnings, limits_, std::span(happened_));
   if (phase_ > s_.phases.size() + 1 || noted_ > s_.warnings.all().size()) a.wrong("more phases or warnings than there are");
   s_.phase = phase_ == 0 || phase_ > s_.phases.size() ? std::string_view() : s_.phases[phase_ - 1].name;
   a.block("signals");
@@ -198,6 +200,7 @@ void MissionRun::tick(const Controller& c, const std::string& actor) {
   if (left > 0)
     s_.sim->warn(Code::no_effect, {actor, c.at.mark}, "its step returns a value, which nothing takes",
                  "commands are given where they act: hinge:torque(x), load:set(...), device:set(name, x)");
+  if (s_.wanted_phase) advance_phase();
 }
 
 /// The function of an event at a trial state. It may not throw through the integrator: its failure is kept for run().
@@ -219,24 +222,40 @@ double MissionRun::crossing(std::size_t event, const std::string& actor, double 
   return value;
 }
 
+/// What follows the present phase, if it is over or another was asked for: its index, or how many there are.
+std::optional<std::size_t> MissionRun::next_phase() {
+  if (s_.wanted_phase) return std::exchange(s_.wanted_phase, std::nullopt);
+  if (phase_ > s_.phases.size() || s_.phases.empty()) return {};
+  if (phase_ == 0) return 0;
+  const Phase& present = s_.phases[phase_ - 1];
+  const bool over = is_over(present);
+  if (s_.wanted_phase) return std::exchange(s_.wanted_phase, std::nullopt);
+  if (!over) return {};
+  return present.next.empty() ? phase_ : index_of_phase(s_.phases, present.next);
+}
+
+/// Ends phases that are over and begins those that follow, until one lasts.
 void MissionRun::advance_phase() {
-  while (phase_ <= s_.phases.size() && !s_.phases.empty()) {
-    if (phase_ > 0) {
-      const Phase& present = s_.phases[phase_ - 1];
-      if (!is_over(present)) return;
-      call_phase(present.exit, present);
-    }
-    const bool was_last = phase_++ == s_.phases.size();
-    phase_start_ = s_.sim->time();
-    s_.phase = was_last ? std::string_view() : s_.phases[phase_ - 1].name;
-    recorder_.note(Note::phase, phase_start_, {std::string(s_.phase)});
-    if (!was_last) call_phase(s_.phases[phase_ - 1].enter, s_.phases[phase_ - 1]);
+  for (int changes = 0; auto next = next_phase(); ++changes) {
+    const std::string before(s_.phase);
+    if (phase_ > 0 && phase_ <= s_.phases.size()) call_phase(s_.phases[phase_ - 1].exit, s_.phases[phase_ - 1]);
+    if (s_.wanted_phase) next = std::exchange(s_.wanted_phase, std::nullopt);
+    phase_ = *next + 1;
+    s_.phase_begun = s_.sim->time();
+    s_.phase = *next == s_.phases.size() ? std::string_view() : s_.phases[*next].name;
+    recorder_.note(Note::phase, s_.phase_begun, {std::string(s_.phase)});
+    if (changes == kMostChanges)
+      throw NumericsError(
+          RunFailure{Code::controller_error, s_.phase_begun, "", "",
+                     fmt::format("the phases changed {} times in one instant, at last from \"{}\" to \"{}\"", changes, before, s_.phase),
+                     "one of those that follow each other must last: a duration above zero, or until_ that is false at its beginning"});
+    if (*next < s_.phases.size()) call_phase(s_.phases[*next].enter, s_.phases[*next]);
   }
 }
 
 bool MissionRun::is_over(const Phase& p) {
   const double t = s_.sim->time();
-  if (t - phase_start_ >= p.duration - kInstant) return true;
+  if (t - s_.phase_begun >= p.duration - kInstant) return true;
   if (!p.until) return false;
   bool over = false;
   call(fmt::format("phase \"{}\"", p.name), [&] {

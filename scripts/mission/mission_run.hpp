@@ -49,15 +49,15 @@ class MissionRun {
   void note_warnings();             // those of the scenario that the recorder does not know yet
   double crossing(std::size_t event, const std::string& actor, double t, const double* q, const double* v);
   void advance_phase();
+  std::optional<std::size_t> next_phase();
   bool is_over(const Phase&);
   void call_phase(const LuaFunction&, const Phase&);
   double value(const Measure&, const char* what);
 
   Scenario& s_;
   Recorder& recorder_;
-  std::size_t noted_ = 0;  // warnings of the scenario
-  std::size_t phase_ = 0;  // 1 + index of the present one; 0 = not begun
-  double phase_start_ = 0.0;
+  std::size_t noted_ = 0;      // warnings of the scenario
+  std::size_t phase_ = 0;      // 1 + index of the present one; 0 = not begun
   std::vector<int> happened_;  // events with `once`
   FlexibleLimits limits_;
   std::function<void(double t, Checkpoint checkpoint)> keep_;

@@ -2,6 +2,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+
 #include "bodies/register.hpp"
 #include "core/base/activity.hpp"
 #include "core/base/excerpt.hpp"
@@ -86,6 +88,16 @@ std::shared_ptr<const SystemSpec> Scenario::described() const {
 
 void Scenario::expect_closed() const {
   if (!open_start.empty()) throw InputError(open_start);
+}
+
+std::vector<std::string> names_of(const std::vector<Phase>& phases) {
+  std::vector<std::string> names;
+  for (const Phase& p : phases) names.push_back(p.name);
+  return names;
+}
+
+std::size_t index_of_phase(const std::vector<Phase>& phases, std::string_view name) {
+  return static_cast<std::size_t>(std::ranges::find(phases, name, &Phase::name) - phases.begin());
 }
 
 std::string place_of_failure(const SourceMark& mark) {

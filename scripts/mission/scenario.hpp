@@ -71,7 +71,13 @@ struct Phase {
   std::string name;
   double duration = std::numeric_limits<double>::infinity();  // [s]
   LuaFunction until, enter, exit;                             // each may be absent
+  std::string next;                                           // empty: the one that is declared after it
+  SourceMark declared;
 };
+
+std::vector<std::string> names_of(const std::vector<Phase>&);
+/// Of the phase of that name; how many there are if none has it.
+std::size_t index_of_phase(const std::vector<Phase>&, std::string_view name);
 
 struct ScriptEvent {
   std::string name;
@@ -150,6 +156,8 @@ struct Scenario {
   // What handles see
   Stage stage = Stage::setup;
   std::string_view phase;                   // name of the present one; empty before the first and after the last
+  double phase_begun = 0.0;                 // [s]
+  std::optional<std::size_t> wanted_phase;  // that a function asked for: it begins when that has returned
   const double *q = nullptr, *v = nullptr;  // the state, or the trial state of an event function
   bool in_event_function = false;
   bool in_device = false;   // a function of device{...} runs

@@ -10,6 +10,7 @@ void Workbench::set_state(State state) {
   s_.look_at_state();
   s_.stage = Scenario::Stage::setup;
   s_.phase = {};
+  s_.wanted_phase.reset();
 }
 
 void Workbench::run_to(double t, const std::function<void(double)>& between_steps) {

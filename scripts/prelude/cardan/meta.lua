@@ -71,6 +71,12 @@ mission = {}
 --- Name of the present phase; "" before the first and after the last.
 ---@return string name
 function mission.phase() end
+--- How long the present phase lasts by now; 0 before the first and after the last.
+---@return number t [s]
+function mission.phase_time() end
+--- Ends the present phase and begins another, when the controller, phase function or action of an event that says so has returned.
+---@param name string
+function mission.enter(name) end
 --- The time; in `when` of an event that of the trial state.
 ---@return number t [s]
 function mission.time() end
@@ -132,8 +138,9 @@ function device(options) end
 ---@field until_? fun(t: number): boolean it is over when this is true, or its duration has passed
 ---@field enter? fun(t: number) called at its beginning
 ---@field exit_? fun(t: number) called at its end
+---@field next? string name of the phase that follows it; default: the one that is declared after it
 
---- Phases follow one another in the order of their declaration.
+--- Phases follow one another in the order of their declaration, unless `next` or mission.enter() say otherwise.
 ---@param options PhaseOptions
 function phase(options) end
 
