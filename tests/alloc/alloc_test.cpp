@@ -184,6 +184,30 @@ TEST_P(ARun, WithDevicesAndFieldsAllocatesNothing) {
   EXPECT_EQ(mallocs_in([&] { sim.run(1.0); }), 0);
   EXPECT_FALSE(sim.state().marks == before);
 }
+/// What only looks lies inside of steps, and an event is looked for among its instants.
+TEST_P(ARun, WithRowsInsideOfStepsAllocatesNothing) {
+  const RandomTree tree = random_tree(3, {.bodies = 8, .flexible = 0.6, .level = 1, .springs = true});
+  SimulationOptions run;
+  run.integrator.method = GetParam();
+  if (run.integrator.method == "rk4") run.integrator.fixed_step = 1e-2;
+  run.between_steps = true;
+  Simulation sim(compiled(tree.spec), run);
+  long looks = 0, events = 0;
+  double seen = 0.0;
+  sim.watch({1, 5000}, [&] {
+    sim.observe();
+    seen += sim.state().q.sum();
+    ++looks;
+  });
+  sim.add_event({"beat", [](double t, const double*, const double*) { return std::sin(20.0 * t); }, 0, [&] { ++events; }});
+  sim.run(0.3);
+  const long before = looks, steps = sim.statistics().steps;
+  EXPECT_EQ(mallocs_in([&] { sim.run(1.0); }), 0);
+  EXPECT_EQ(looks - before, 3500);
+  EXPECT_LT(sim.statistics().steps - steps, 3500 / 2) << "looks would have ended steps";
+  EXPECT_GT(events, 4);
+  EXPECT_TRUE(std::isfinite(seen));
+}
 INSTANTIATE_TEST_SUITE_P(By, ARun, testing::Values("rk4", "dopri5"), [](const auto& method) { return std::string(method.param); });
 
 /// Steps of one length about one configuration; they allocate where they take another.
