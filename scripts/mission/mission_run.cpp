@@ -76,12 +76,12 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
                      const double t = s_.sim->time();
                      happened_[i] = e.once;
                      call(actor, [&] { e.action.call({&t, 1}, {}); });
-                     if (s_.wanted_phase) advance_phase();
+                     change_phases(false);
                    }});
   }
   for (const Controller& c : s_.controllers)
     sim.every(c.period, [this, &c, actor = fmt::format("controller \"{}\"", c.name)] { tick(c, actor); });
-  if (s_.controllers.empty() && !s_.phases.empty()) sim.every(s_.mission.output_period, [this] { advance_phase(); });
+  if (s_.controllers.empty() && !s_.phases.empty()) sim.every(s_.mission.output_period, [this] { change_phases(true); });
   sim.record(recorder, std::move(outputs), s_.mission.output_period);
   sim.record_steps(history_period(s_.mission));
   if (limits_.needed()) sim.watch(s_.mission.output_period, [this] { limits_.see(*s_.sim); });
@@ -192,7 +192,7 @@ void MissionRun::note_warnings() {
 }
 
 void MissionRun::tick(const Controller& c, const std::string& actor) {
-  advance_phase();
+  change_phases(true);
   if (s_.sim->stopped()) return;
   const double t = s_.sim->time();
   int left = 0;
@@ -200,7 +200,7 @@ void MissionRun::tick(const Controller& c, const std::string& actor) {
   if (left > 0)
     s_.sim->warn(Code::no_effect, {actor, c.at.mark}, "its step returns a value, which nothing takes",
                  "commands are given where they act: hinge:torque(x), load:set(...), device:set(name, x)");
-  if (s_.wanted_phase) advance_phase();
+  change_phases(false);
 }
 
 /// The function of an event at a trial state. It may not throw through the integrator: its failure is kept for run().
@@ -222,10 +222,10 @@ double MissionRun::crossing(std::size_t event, const std::string& actor, double 
   return value;
 }
 
-/// What follows the present phase, if it is over or another was asked for: its index, or how many there are.
-std::optional<std::size_t> MissionRun::next_phase() {
+/// What follows the present phase, if another was asked for or, at a tick, it is over: its index, or how many there are.
+std::optional<std::size_t> MissionRun::next_phase(bool at_tick) {
   if (s_.wanted_phase) return std::exchange(s_.wanted_phase, std::nullopt);
-  if (phase_ > s_.phases.size() || s_.phases.empty()) return {};
+  if (!at_tick || phase_ > s_.phases.size() || s_.phases.empty()) return {};
   if (phase_ == 0) return 0;
   const Phase& present = s_.phases[phase_ - 1];
   const bool over = is_over(present);
@@ -234,9 +234,9 @@ std::optional<std::size_t> MissionRun::next_phase() {
   return present.next.empty() ? phase_ : index_of_phase(s_.phases, present.next);
 }
 
-/// Ends phases that are over and begins those that follow, until one lasts.
-void MissionRun::advance_phase() {
-  for (int changes = 0; auto next = next_phase(); ++changes) {
+/// Ends phases and begins those that follow, until one lasts.
+void MissionRun::change_phases(bool at_tick) {
+  for (int changes = 0; auto next = next_phase(at_tick); ++changes) {
     const std::string before(s_.phase);
     if (phase_ > 0 && phase_ <= s_.phases.size()) call_phase(s_.phases[phase_ - 1].exit, s_.phases[phase_ - 1]);
     if (s_.wanted_phase) next = std::exchange(s_.wanted_phase, std::nullopt);

@@ -48,8 +48,8 @@ class MissionRun {
   Warnings never_happened() const;  // events that are looked at until they happen once
   void note_warnings();             // those of the scenario that the recorder does not know yet
   double crossing(std::size_t event, const std::string& actor, double t, const double* q, const double* v);
-  void advance_phase();
-  std::optional<std::size_t> next_phase();
+  void change_phases(bool at_tick);
+  std::optional<std::size_t> next_phase(bool at_tick);
   bool is_over(const Phase&);
   void call_phase(const LuaFunction&, const Phase&);
   double value(const Measure&, const char* what);

@@ -15,14 +15,14 @@ local smooth = {
   end },
 }
 
---- angle(t), rate, acceleration of a turn by `angle` that obeys both limits, and its duration.
+--- angle(t), rate, acceleration (where it jumps, that after the jump: what a tick holds) of a turn by `angle` that obeys both limits, and its duration.
 local function profile(kind, angle, rate, acceleration)
   if angle == 0 then return function() return 0, 0, 0 end, 0 end
   local form = smooth[kind]
   if form then
     local T = math.max(form.rate * angle / rate, math.sqrt(form.acceleration * angle / acceleration))
     return function(t)
-      if t <= 0 then return 0, 0, 0 elseif t >= T then return angle, 0, 0 end
+      if t < 0 then return 0, 0, 0 elseif t >= T then return angle, 0, 0 end
       local s, ds, dds = form.at(t / T)
       return angle * s, angle * ds / T, angle * dds / T ^ 2
     end, T
@@ -31,9 +31,9 @@ local function profile(kind, angle, rate, acceleration)
   local ramp = top / acceleration
   local T = ramp + angle / top
   return function(t)
-    if t <= 0 then return 0, 0, 0 elseif t >= T then return angle, 0, 0 end
+    if t < 0 then return 0, 0, 0 elseif t >= T then return angle, 0, 0 end
     if t < ramp then return acceleration * t * t / 2, acceleration * t, acceleration end
-    if t <= T - ramp then return top * (t - ramp / 2), top, 0 end
+    if t < T - ramp then return top * (t - ramp / 2), top, 0 end
     return angle - acceleration * (T - t) ^ 2 / 2, acceleration * (T - t), -acceleration
   end, T
 end
@@ -104,7 +104,7 @@ function slew.plan(options)
   expect(positive(options.acceleration), "an acceleration > 0", options.acceleration)
   local kind, start = options.profile or "trapezoid", options.start or 0
   expect(kind == "trapezoid" or smooth[kind], "the profile trapezoid, versine or quintic", kind)
-  expect(type(start) == "number", "a start in s", start)
+  expect(type(start) == "number" and math.abs(start) < math.huge, "a start in s", start)
 
   local impulses = { { time = 0, share = 1 } }
   expect(type(options.shapers or {}) == "table", "a list of shapers", options.shapers)
@@ -112,7 +112,8 @@ function slew.plan(options)
     expect(math.type(key) == "integer" and type(shaper) == "table", "shapers as a list, each by slew.shaper", key)
     local both, sum = {}, 0
     for _, impulse in ipairs(shaper) do
-      expect(type(impulse) == "table" and type(impulse.time) == "number" and type(impulse.share) == "number", "impulses with time and share", impulse)
+      expect(type(impulse) == "table" and type(impulse.time) == "number" and impulse.time >= 0 and impulse.time < math.huge and type(impulse.share) == "number",
+        "impulses with a time >= 0 and a share", type(impulse) == "table" and impulse.time or impulse)
       sum = sum + impulse.share
     end
     expect(math.abs(sum - 1) < 1e-9, "shapers as a list, each with shares that are 1 together", sum)

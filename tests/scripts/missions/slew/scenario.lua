@@ -53,6 +53,13 @@ for _, limits in ipairs { { 0.02, 0.001 }, { 5, 0.001 } } do
     end
   end
 end
+do -- what ticks hold begins and ends with them
+  local plan = slew.plan { from = from, to = to, rate = 0.02, acceleration = 0.001, start = 3 }
+  local function hardness(t) local _, _, a = plan.at(t) return vec.dot(a, plan.axis) end
+  for at, acceleration in pairs { [2.999] = 0, [3] = 0.001, [23] = 0, [3 + plan.duration - 20] = -0.001, [3 + plan.duration] = 0 } do
+    near("held from " .. at, hardness(at + (at > 20 and 1e-9 or 0)), acceleration, 1e-15)
+  end
+end
 local none = slew.plan { from = from, to = { -from[1], -from[2], -from[3], -from[4] }, rate = 1, acceleration = 1 }
 assert(none.duration < 1e-6 and vec.norm(quat.error(from, (none.at(1)))) < 1e-15)
 for expected, call in pairs {
@@ -63,6 +70,10 @@ for expected, call in pairs {
   ["to of length 1, got 2"] = function() slew.plan { from = from, to = { 2, 0, 0, 0 }, rate = 1, acceleration = 1 } end,
   ["each with shares that are 1 together, got 0"] = function()
     slew.plan { from = from, to = to, rate = 1, acceleration = 1, shapers = slew.shaper("zv", 1) }  -- not in a list
+  end,
+  ["a start in s, got inf"] = function() slew.plan { from = from, to = to, rate = 1, acceleration = 1, start = math.huge } end,
+  ["impulses with a time >= 0 and a share, got -1"] = function()
+    slew.plan { from = from, to = to, rate = 1, acceleration = 1, shapers = { { { time = -1, share = 1 } } } }
   end,
   ["the profile trapezoid, versine or quintic, got cubic"] = function() slew.plan { from = from, to = to, rate = 1, acceleration = 1, profile = "cubic" } end,
 } do
