@@ -78,7 +78,7 @@ struct DeviceOut {
 
 /// `mounts`, `ports`, `states`, `marks`, `schema`, `role` may be left out, as may `nominal`, `energy`, `roots`, `event`, `tick`, `mass` (a
 /// template as `evaluate` is), `follow` (one as well), `momentum`, `holds`, `impulse`; and `can_carry`, false at states without a mass.
-/// An `evaluate` that may refuse returns an int, 0 where it does not, and `explain` tells what another one means.
+/// An `evaluate` or `tick` that may refuse returns an int, 0 where it does not, and `explain` tells what another one means.
 template <class F>
 concept DeviceFamily = requires(const typename F::Packed& p, const DeviceIn<double>& a, DeviceOut<double>& b, const DeviceIn<Tangent>& at,
                                 DeviceOut<Tangent>& bt) {
@@ -273,8 +273,12 @@ const cardan_device_family& device_table() {
     if constexpr (requires { F::n_noise; }) t.n_noise = F::n_noise;
     if constexpr (requires(const P& p, const DeviceIn<double>& a, double* x) { F::tick(p, a, 0.0, x, x, x); })
       t.tick = [](const cardan_device_args* a, double period, const double* noise, double* z, double* d) {
-        F::tick(*static_cast<const P*>(a->packed), detail::read(a), period, noise, z, d);
-        return 0;
+        if constexpr (std::is_void_v<decltype(F::tick(*static_cast<const P*>(a->packed), detail::read(a), period, noise, z, d))>) {
+          F::tick(*static_cast<const P*>(a->packed), detail::read(a), period, noise, z, d);
+          return 0;
+        } else {
+          return F::tick(*static_cast<const P*>(a->packed), detail::read(a), period, noise, z, d);
+        }
       };
     if constexpr (requires(const P& p, const DeviceIn<double>& a) { F::mass(p, a); })
       t.mass = &detail::mass<F>, t.mass_tangent = &detail::mass_tangent<F>;

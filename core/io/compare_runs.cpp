@@ -26,6 +26,11 @@ double two_sided_quantile(double p) {
   return high;
 }
 
+/// The same bits, all NaN alike: as in the hashes of summary.json.
+bool same_number(double a, double b) {
+  return std::bit_cast<std::uint64_t>(a) == std::bit_cast<std::uint64_t>(b) || (std::isnan(a) && std::isnan(b));
+}
+
 /// Residuals are errors over the size of what is in balance, which is 1 by that.
 bool is_residual(const Column& c) { return c.path.starts_with("ledger/") || c.path == "loops/residual"; }
 
@@ -68,9 +73,9 @@ Difference worst_difference(std::span<const double> times, std::span<const doubl
   if (is.empty()) return {kNaN, limit, kNaN, kNaN, kNaN, false};
   Difference worst{0.0, limit, times[0], is[0], reference[0]};
   for (std::size_t i = 0; i < is.size(); ++i) {
-    const double difference = std::isfinite(is[i]) && std::isfinite(reference[i]) ? std::abs(is[i] - reference[i]) : kNaN;
-    const bool same = std::bit_cast<std::uint64_t>(is[i]) == std::bit_cast<std::uint64_t>(reference[i]);
-    const bool ok = agreement == Agreement::same_bits ? same && std::isfinite(is[i]) : difference <= limit;
+    const bool same = same_number(is[i], reference[i]);
+    const double difference = same ? 0.0 : std::isfinite(is[i]) && std::isfinite(reference[i]) ? std::abs(is[i] - reference[i]) : kNaN;
+    const bool ok = agreement == Agreement::same_bits ? same : difference <= limit;
     // Of bits that differ, 0 against -0 has no difference but counts.
     if (i == 0 || is_worse(difference, worst.difference) || (worst.pass && !ok))
       worst = {difference, limit, times[i], is[i], reference[i], worst.pass};
@@ -153,10 +158,13 @@ RunDifference compare_runs(const RunColumns& first, const RunColumns& second, co
       out.misfits.push_back(fmt::format("{}: unit {} against {}", c.path, fmt::join(c.units, ", "), fmt::join(other.units, ", ")));
       continue;
     }
-    for (std::size_t k = 0; k < c.components.size(); ++k)
-      out.components.push_back({c.path, c.components[k], c.units[k],
-                                worst_difference(times, component_at(c, k, common.first), component_at(other, k, common.second),
-                                                 scale_of(other, k), tolerance, agreement)});
+    for (std::size_t k = 0; k < c.components.size(); ++k) {
+      const std::vector<double> is = component_at(c, k, common.first), reference = component_at(other, k, common.second);
+      out.components.push_back(
+          {c.path, c.components[k], c.units[k], worst_difference(times, is, reference, scale_of(other, k), tolerance, agreement), {}});
+      for (std::size_t i = 0; i < is.size(); ++i)
+        if (!std::isfinite(is[i]) && same_number(is[i], reference[i])) out.components.back().not_finite.push_back(times[i]);
+    }
   }
   for (const Column& c : second.columns)
     if (others.contains(c.path)) out.only_in_second.push_back(c.path);

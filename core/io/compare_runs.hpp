@@ -32,7 +32,7 @@ struct Tolerance {
 
 /// The worst of one component.
 struct Difference {
-  double difference = 0.0;  // |is - reference|; NaN where either is not a number: never equal to anything
+  double difference = 0.0;  // |is - reference|; 0 where both are the same that is not finite, NaN where one of them is not
   double limit = 0.0;       // what was permitted there
   double t = 0.0;           // [s] where; NaN where time has no meaning
   double is = 0.0, reference = 0.0;
@@ -44,7 +44,8 @@ struct Difference {
 };
 
 /// Rows of a run and of a reference at the same times. `is` and `reference` hold one component each, row by row; `scale` as of Tolerance.
-/// Bits are compared where `agreement` is same_bits. Without rows nothing agrees.
+/// Bits are compared where `agreement` is same_bits. What is not finite is the same where both are (all NaN alike) and else differs, with
+/// any tolerance. Without rows nothing agrees.
 Difference worst_difference(std::span<const double> times, std::span<const double> is, std::span<const double> reference, double scale,
                             const Tolerance& tolerance, Agreement agreement);
 
@@ -71,6 +72,7 @@ Statistics compare_statistics(std::span<const double> values, double mean, std::
 struct ComponentDifference {
   std::string channel, component, unit;
   Difference worst;
+  std::vector<double> not_finite;  // [s] where both are the same that is not finite: no difference, but told
 };
 
 /// Two runs, `second` as the reference of `first`, at the times that both have. Residuals of the ledger and of loops are relative numbers

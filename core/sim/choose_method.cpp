@@ -6,6 +6,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/sim/device_corners.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/vehicle_implicit_form.hpp"
 #include "core/sim/vehicle_linear_part.hpp"
@@ -38,10 +39,15 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
   }
   const State start = model->initial_state();
   const FastestMotion fastest = fastest_motion(model, start.q.data());
+  const double ticks = interval, corners = interval_of_device_corners(*model, kWithoutTicks);
+  interval = std::min(ticks, corners);
   const double span = std::min(interval, kWithoutTicks), angle = fastest.rate * span;
   const std::string told = fastest.decays ? fmt::format("{} decays at {:.3g} 1/s", fastest.what, fastest.rate)
                                           : fmt::format("{} swings at {:.3g} Hz", fastest.what, fastest.rate / (2.0 * std::numbers::pi));
-  const std::string often = interval < kWithoutTicks ? fmt::format(" and commands may change each {:.3g} s", interval) : std::string();
+  const std::string often =
+      interval >= kWithoutTicks
+          ? ""
+          : fmt::format(" and {} each {:.3g} s", corners < ticks ? "devices end steps" : "commands may change", interval);
   const bool standard = dynamics == Dynamics::standard;
   const std::string not_linear = standard ? VehicleLinearPart::refusal(*model) : name_of(dynamics) + " dynamics";
   if (angle > kAngle && not_linear.empty() && asked.relative_tolerance >= kFine) {

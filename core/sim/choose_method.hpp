@@ -15,8 +15,8 @@ struct MethodChoice {
   std::string why;            // a sentence without its full stop
 };
 
-/// interval: [s] the shortest between two instants at which commands may change, infinite where there are none. The model is looked at in
-/// its initial state: the choice is that of any resumed run too.
+/// interval: [s] the shortest between two instants at which commands may change, infinite where there are none; instants at which devices
+/// end steps by themselves are counted beside them. The model is looked at in its initial state: the choice is that of any resumed run too.
 MethodChoice choose_method(const std::shared_ptr<const Model>& model, double interval, const IntegratorOptions& asked,
                            Dynamics dynamics = Dynamics::standard);
 

@@ -36,7 +36,8 @@ struct Gnss {
       TurningPlanet::dut1_desc,
       TurningPlanet::orientation_desc,
       TurningPlanet::pole_x_desc,
-      TurningPlanet::pole_y_desc};
+      TurningPlanet::pole_y_desc,
+      TurningPlanet::bulletin_desc};
   static constexpr cardan_mount_desc mounts[] = {
       {"at", CARDAN_MOUNT_NODE, CARDAN_USE_POSE | CARDAN_USE_VELOCITY, "the node of the antenna"}};
   static constexpr cardan_port_desc ports[] = {
@@ -75,7 +76,7 @@ struct Gnss {
     give_held<7>(in, out);
   }
 
-  static void tick(const Packed& p, const DeviceIn<double>& in, double period, const double* noise, double*, double* d) noexcept {
+  static int tick(const Packed& p, const DeviceIn<double>& in, double period, const double* noise, double*, double* d) noexcept {
     const InertialSensor error{.wander = p.wander, .wander_time = p.wander_time};
     for (int i = 0; i < 3; ++i) d[7 + i] = error.wandered(d[7 + i], period, d[10] == 0.0, noise[6 + i]);
     d[10] = 1.0;
@@ -83,9 +84,10 @@ struct Gnss {
     const Vec3<double> v = at.R_WN * at.velocity;
     const Eigen::Vector3d from = Eigen::Vector3d(at.position.x, at.position.y, at.position.z) - as_vector(p.planet.centre);
     d[6] = in.in[0] != 0.0 && !(p.farthest > 0.0 && from.norm() > p.farthest) ? 1.0 : 0.0;
-    if (d[6] == 0.0) return;
+    if (d[6] == 0.0) return 0;
     Eigen::Vector3d position{at.position.x, at.position.y, at.position.z}, velocity{v.x, v.y, v.z};
     if (p.turns) {
+      if (!p.planet.is_known(in.t)) return 1;
       const PlanetAxes axes = PlanetAxes::at(p.planet, in.t);
       const Eigen::Map<const Eigen::Matrix3d> columns(axes.columns);
       position = columns.transpose() * from;
@@ -93,7 +95,9 @@ struct Gnss {
     }
     for (int i = 0; i < 3; ++i)
       d[i] = position[i] + d[7 + i] + p.noise * noise[i], d[3 + i] = velocity[i] + p.velocity_noise * noise[3 + i];
+    return 0;
   }
+  static const char* explain(const Packed&, int) { return "the date is outside of the days of `bulletin`"; }
 };
 
 }  // namespace

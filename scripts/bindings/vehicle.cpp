@@ -141,14 +141,15 @@ int vehicle_change(lua_State* L) {
 
 template <class Objects>
 int find(lua_State* L, const Objects& objects, Code code, const char* key_path, const char* what) {
-  std::vector<std::string> names;
-  for (const auto& o : objects) names.push_back(o.name);
   if (lua_type(L, 2) != LUA_TSTRING) refuse(L, Code::lua_argument, key_path, std::string("the name of ") + what, describe_value(L, 2));
   const std::string name = lua_tostring(L, 2);
-  const auto found = std::find(names.begin(), names.end(), name);
-  if (found == names.end())
+  const auto found = std::find_if(objects.begin(), objects.end(), [&](const auto& o) { return o.name == name; });
+  if (found == objects.end()) {
+    std::vector<std::string> names;
+    for (const auto& o : objects) names.push_back(o.name);
     refuse(L, code, key_path, fmt::format("{}: {}", what, listed(names)), in_quotes(name), did_you_mean(name, names));
-  return static_cast<int>(found - names.begin());
+  }
+  return static_cast<int>(found - objects.begin());
 }
 
 template <Kind kKind>

@@ -135,6 +135,10 @@ std::vector<std::string> structure_of(const RunDifference& d, const std::string&
   for (const std::string& path : d.only_in_first) out.push_back(fmt::format("{}: only in {}", path, first));
   for (const std::string& path : d.only_in_second) out.push_back(fmt::format("{}: only in {}", path, second));
   for (const std::string& misfit : d.misfits) out.push_back(misfit);
+  for (const ComponentDifference& c : d.components)
+    if (!c.not_finite.empty())
+      out.push_back(fmt::format("{} {}: not finite, and the same in both, at {} of {} times, first at t = {:.9g} s", c.channel, c.component,
+                                c.not_finite.size(), d.rows, c.not_finite.front()));
   return out;
 }
 

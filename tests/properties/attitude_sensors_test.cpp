@@ -2,11 +2,13 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <fstream>
 #include <numbers>
 
 #include "core/sim/simulation.hpp"
 #include "tests/properties/accurate.hpp"
 #include "tests/properties/random_devices.hpp"
+#include "tests/support/scratch.hpp"
 #include "tests/support/worse.hpp"
 
 namespace cardan::test {
@@ -453,6 +455,34 @@ TEST(Gnss, HasNoiseAndAnErrorThatWanders) {
   EXPECT_NEAR(variance, white * white + wander * wander, 0.12 * (white * white + wander * wander));
   EXPECT_NEAR(next, wander * wander * std::exp(-1.0 / tau), 0.15 * wander * wander);
   EXPECT_NEAR(speed, slow * slow, 0.06 * slow * slow);
+}
+
+/// The example of the IAU's SOFA tools for Earth attitude, with the polar motion, UT1 and offsets of the pole of its bulletin (as of
+/// Bulletin.TellsHowTheEarthStands). Beyond the days of the bulletin it says so.
+TEST(Gnss, HasTheAxesOfTheEarthByABulletin) {
+  const std::string file = test::scratch("gnss_days.csv");
+  std::ofstream csv(file);
+  csv << "mjd,x [mas],y [mas],ut1_utc [s],dX [mas],dY [mas]\n";
+  for (int mjd = 54193; mjd < 54199; ++mjd) csv << mjd << ",34.9282,483.3163,-0.072073685,0.1750,-0.2259\n";
+  csv.close();
+  Matrix3d wanted;  // from celestial to terrestrial axes
+  wanted << +0.973104317697535, +0.230363826239128, -0.000703163482198, -0.230363800456037, +0.973104570632801, +0.000118545366625,
+      +0.000711560162668, +0.000046626403995, +0.999999745754024;
+  DeviceSpec d = at_head("gnss");
+  d.params["axes"].value = std::string("planet"), d.params["orientation"].value = std::string("iau2006");
+  d.params["epoch"].value = std::string("2007-04-05T12:00:00 UTC"), d.params["bulletin"].value = file;
+  Turning bus;
+  bus.w.setZero();
+  Simulation sim(compiled(bus.with(d, 1e-3)), accurate());
+  sim.run(1.0);
+  const Vector3d r = bus.position + bus.R0 * Vector3d(0.3, 0.2, -0.1);
+  EXPECT_LT((outputs(sim).head<3>() - wanted * r).norm(), 1e-3);  // 7e6 m to the digits printed and 3e-11; polar motion alone is 16 m
+  try {
+    sim.run(3 * 86400.0);
+    FAIL() << "beyond the days of the bulletin";
+  } catch (const NumericsError& e) {
+    EXPECT_NE(std::string(e.what()).find("outside of the days of `bulletin`"), std::string::npos) << e.what();
+  }
 }
 
 TEST(Gnss, KeepsItsLastFixWithoutASignal) {

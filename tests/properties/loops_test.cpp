@@ -1509,6 +1509,27 @@ SystemSpec parallelogram(double angle) {
   return spec;
 }
 
+// Turned by half a turn about itself the rocker has the axis of its pin the other way round: moments across it are nothing there, as on
+// closed loops, and its ends meet.
+TEST(Loops, AHingeTurnedByHalfATurnIsNotClosed) {
+  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers, LoopForm::dae}) {
+    SystemSpec spec = parallelogram(0.6);
+    spec.loop_form = form;
+    HingeSpec& hinge = spec.bodies[2].hinge;
+    hinge.type = "universal", hinge.params = test::along({{0, 0, 1}, {1, 0, 0}}), hinge.q = {0.6 + std::numbers::pi, 0.0};
+    LoopSpec& pin = spec.loops[0];
+    pin.type = "revolute", pin.params = test::along({{0, 0, 1}});
+    for (const double turn : {0.0, std::numbers::pi, std::numbers::pi - 1e-9, -std::numbers::pi}) {
+      SimulationOptions options;
+      if (form == LoopForm::dae) options.integrator.method = "ida", options.integrator.relative_tolerance = 1e-7;
+      Simulation sim(compiled(spec), options);
+      sim.q(3) = turn;
+      const std::string why = told([&] { sim.run(0.1); });
+      EXPECT_EQ(why.starts_with("failure[N0601]"), turn != 0.0) << turn << ": " << why;
+    }
+  }
+}
+
 // Flat it may go on as a parallelogram or crossed: two motions to first order, of which no mixture goes on.
 TEST(Loops, WhatIsLinearIsRefusedAtASingularPosture) {
   for (const LoopForm form : {LoopForm::automatic, LoopForm::multipliers}) {

@@ -322,7 +322,7 @@ TEST_F(Regress, WhatCannotBeRecordedIsRefusedBeforeAnythingIsTouched) {
   expect_refused(replaced(recorded(), "hinges/rod/angle", "odd"), "finite numbers, got", 1);
 }
 
-// Of the run, of a table, of a file of results, of both sides of a comparison.
+// Of the run, of a table, of a file of results, in the run and its reference.
 TEST_F(Regress, NaNEqualsNothing) {
   const std::string golden = printed().substr(0, printed().find("    reference:"));
   const auto with = [&](const std::string& reference) {
@@ -338,7 +338,6 @@ TEST_F(Regress, NaNEqualsNothing) {
   fs::copy(dir_ / "out/regress/swing/run.h5", dir_ / "swing/truth.h5");
   write(dir_ / "swing/golden.yaml", with("{file: truth.h5}"));
   EXPECT_NE(regress().exit_code, 0) << "the same file on both sides";
-  EXPECT_EQ(run_program({"diff", "swing/truth.h5", "out/regress/swing/run.h5"}, dir_.path()).exit_code, 1);
   write(dir_ / "swing/truth.csv", "t [s], odd [1]\n0, 1\n1, nan\n");
   write(dir_ / "swing/golden.yaml", with("{file: truth.csv}"));
   const Finished table = regress();
@@ -717,6 +716,26 @@ TEST_F(Diff, TellsWhatDiffersWhereAndByHowMuch) {
   EXPECT_EQ(but_for_rounding.exit_code, 0) << but_for_rounding.out;
   EXPECT_EQ(diff({"a", "b", "--relative", "1e-9", "--absolute", "1e-12"}).exit_code, 1);
   for (const char* wrong : {"-1", "inf", "nan"}) EXPECT_EQ(diff({"a", "b", "--absolute", wrong}).exit_code, 2) << wrong;
+}
+
+TEST_F(Diff, WhatIsNotANumberInBothIsNoDifferenceAndToldAllTheSame) {
+  const std::string mission = file_text(CARDAN_SOURCE_DIR "/tests/scripts/missions/pendulum/scenario.lua");
+  for (const std::string name : {"a", "b", "c"}) {
+    fs::copy(CARDAN_SOURCE_DIR "/tests/scripts/missions/pendulum", dir_ / name, fs::copy_options::recursive);
+    write(dir_ / (name + "/scenario.lua"),
+          "local log = signals { odd = { unit = '1' } }\n" +
+              replaced(mission, "  ticks = ticks + 1\n",
+                       "  ticks = ticks + 1 log.odd(t > " + std::string(name == "c" ? "3" : "2") + " and 0 / 0 or 1)\n"));
+    run_program({"run", name, "--out", "out_" + name, "--quiet"}, dir_.path());
+  }
+  for (const std::string relative : {"0", "1e-9"}) {
+    const Finished same = diff({"out_a", "out_b", "--relative", relative});
+    EXPECT_EQ(same.exit_code, 0) << same.out;
+    EXPECT_TRUE(has(same.out, "odd: not finite, and the same in both, at ")) << same.out;
+  }
+  const Finished other = diff({"out_a", "out_c", "--relative", "0.5"});
+  EXPECT_EQ(other.exit_code, 1) << other.out;
+  EXPECT_TRUE(has(other.out, "FAIL  odd odd")) << other.out;
 }
 
 TEST_F(Diff, OfOtherTimesIsToldClearly) {

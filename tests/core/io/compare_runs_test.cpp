@@ -35,14 +35,19 @@ TEST(WorstDifference, IsFoundWithItsTimeAndItsLimit) {
   EXPECT_TRUE(worst({1.0, 2.5, 3.0}, {1.0, 2.0, 2.75}, {0.5, 0.0}).pass) << "a difference as large as the limit";
 }
 
-TEST(WorstDifference, NaNEqualsNothing) {
+TEST(WorstDifference, NaNEqualsNoNumber) {
   for (const Agreement a : {Agreement::same_bits, Agreement::round_off, Agreement::integration}) {
-    EXPECT_FALSE(worst({kNaN}, {kNaN}, {1e9, 1.0}, a).pass);
     const Difference d = worst({1.0, kNaN, 9.0}, {1.0, 1.0, 1.0}, {1e9, 1.0}, a);
     EXPECT_FALSE(d.pass);
     EXPECT_TRUE(std::isnan(d.difference)) << "nothing is worse";
     EXPECT_EQ(d.t, 1.0);
-    EXPECT_FALSE(worst({HUGE_VAL}, {HUGE_VAL}, {HUGE_VAL, 1.0}, a).pass);
+    for (const double x : {HUGE_VAL, -HUGE_VAL, kNaN})
+      for (const double y : {HUGE_VAL, -HUGE_VAL, kNaN, 1.0}) {
+        const bool same = x == y || (std::isnan(x) && std::isnan(y));
+        EXPECT_EQ(worst({x}, {y}, {HUGE_VAL, 1.0}, a).pass, same) << x << " and " << y;
+        EXPECT_EQ(worst({x}, {y}, {}, a).difference == 0.0, same) << x << " and " << y;
+      }
+    EXPECT_TRUE(worst({1.0, kNaN}, {1.0, -kNaN}, {}, a).pass) << "all NaN are alike";
   }
 }
 

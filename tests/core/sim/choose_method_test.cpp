@@ -6,6 +6,7 @@
 #include <limits>
 
 #include "core/sim/simulation.hpp"
+#include "tests/properties/random_devices.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/modal_samples.hpp"
 
@@ -61,6 +62,39 @@ TEST(ChooseMethod, TakesWhatIsStiffImplicitlyWhereItIsNotTakenInClosedForm) {
   const MethodChoice c = choose_method(compiled(spec), 1.0, asked(1e-7));
   EXPECT_EQ(c.options.method, "cvode_bdf");
   EXPECT_EQ(c.why.substr(c.why.find("stiff")), "stiff, and exponential does not take the given motion of bus, a free_body hinge");
+}
+
+/// A drive of so many steps in a second on a hinge of the bus, beside its boom.
+SystemSpec with_stepper(double rate, double microsteps) {
+  SystemSpec spec = bus_with_boom();
+  spec.bodies.push_back(on(rigid("dish", 3.0, {0.0, 0.0, 0.1}, diagonal({0.4, 0.5, 0.1})), "bus", "revolute", {{0, 0, 1}}));
+  spec.devices = {device("drive", "stepper", {{"step", 0.02}, {"holding_torque", 2.0}, {"microsteps", microsteps}}, {{"at", "dish"}})};
+  spec.devices[0].inputs["rate"] = {rate, {}};
+  return spec;
+}
+
+TEST(ChooseMethod, CountsTheStepsThatDevicesEndByThemselves) {
+  for (const double rate : {100.0, -100.0}) {
+    const MethodChoice c = choose_method(compiled(with_stepper(rate, 16)), 1.0, asked(1e-7));
+    EXPECT_EQ(c.options.method, "dopri5");
+    EXPECT_NE(c.why.find("devices end steps each 0.000625 s"), std::string::npos) << c.why;
+  }
+  for (const auto& [rate, microsteps] : {std::pair(0.0, 16.0), std::pair(100.0, 0.0), std::pair(0.5, 1.0)})
+    EXPECT_EQ(choose_method(compiled(with_stepper(rate, microsteps)), 1.0, asked(1e-7)).options.method, "exponential") << rate;
+}
+
+TEST(ChooseMethod, CountsTheRowsOfARecord) {
+  for (const double apart : {1e-3, 10.0}) {
+    SystemSpec spec = bus_with_boom();
+    DeviceSpec record = device("record", "recorded_load", {}, {{"at", "bus"}});
+    std::vector<double> rows;
+    for (int i = 0; i < 5000; ++i) rows.insert(rows.end(), {i * apart, 1e-3 * (i % 7), 0, 0, 0, 0, 0});
+    record.params["record"].value = rows;
+    spec.devices = {record};
+    const MethodChoice c = choose_method(compiled(spec), 1.0, asked(1e-7));
+    EXPECT_EQ(c.options.method, apart < 1.0 ? "dopri5" : "exponential") << c.why;
+    EXPECT_EQ(c.why.find("devices end steps each 0.001 s") != std::string::npos, apart < 1.0) << c.why;
+  }
 }
 
 TEST(ChooseMethod, TakesTheStepThatIsGiven) {

@@ -1,0 +1,69 @@
+#include "core/sim/device_corners.hpp"
+
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "core/base/diagnostic.hpp"
+#include "core/dynamics/devices.hpp"
+
+namespace cardan {
+namespace {
+
+constexpr double kNever = std::numeric_limits<double>::infinity();
+constexpr int kEnough = 100;     // corners to tell how often they come
+constexpr double kAhead = 1e-6;  // of the span: over which roots are differenced
+
+}  // namespace
+
+double interval_of_device_corners(const Model& model, double span) {
+  if (model.devices.n_roots == 0) return kNever;
+  DeviceForces devices(model);
+  State s = model.initial_state();
+  std::vector<double> g(static_cast<std::size_t>(model.devices.n_roots)), ahead(g.size());
+  double t = 0.0, first = 0.0;
+  int corners = 0;
+  /// Roots at t + h, with the rates of the states at t.
+  const auto roots_after = [&](double h, std::vector<double>& out) {
+    const Eigen::VectorXd z = s.z + h * Eigen::VectorXd::Map(devices.zdot(), s.z.size());
+    devices.set({t + h, z.data(), s.marks.data(), nullptr, nullptr});
+    devices.roots(out.data());
+  };
+  const auto happen = [&](int device, std::uint32_t root, int direction) {
+    devices.set({t, s.z.data(), s.marks.data(), nullptr, nullptr});
+    devices.event(device, root, direction, s.z.data(), s.marks.data());
+  };
+  try {
+    devices.set({t, s.z.data(), s.marks.data(), nullptr, nullptr});
+    Workspace ws(model);
+    ws.require_world();
+    devices.look_at(devices, model.devices.reads_nodes ? &ws : nullptr, {.q = s.q.data(), .v = s.v.data()});
+    for (std::size_t i = 0; i < model.devices.all.size(); ++i) happen(static_cast<int>(i), model.devices.all[i].family->n_roots, 0);
+    while (corners < kEnough) {
+      devices.set({t, s.z.data(), s.marks.data(), nullptr, nullptr});
+      if (!devices.evaluate()) break;
+      roots_after(0.0, g), roots_after(kAhead * span, ahead);
+      double next = kNever;
+      int device = 0, direction = 0;
+      std::uint32_t root = 0;
+      for (std::size_t i = 0; i < model.devices.all.size(); ++i) {
+        const Device& d = model.devices.all[i];
+        for (std::uint32_t r = 0; r < d.family->n_roots; ++r) {
+          const auto at = static_cast<std::size_t>(d.root) + r;
+          const double rate = (ahead[at] - g[at]) / (kAhead * span), wait = -g[at] / rate;
+          // What has just crossed is zero but for rounding.
+          if (wait > 1e-9 * span && wait < next) next = wait, device = static_cast<int>(i), root = r, direction = rate > 0.0 ? 1 : -1;
+        }
+      }
+      if (!(t + next <= span)) break;
+      s.z += next * Eigen::VectorXd::Map(devices.zdot(), s.z.size());
+      t += next;
+      if (corners++ == 0) first = t;
+      happen(device, root, direction);
+    }
+  } catch (const std::exception&) {  // a plugin, or a field that knows nothing there: the run says so
+  }
+  return corners < 2 ? kNever : corners < kEnough ? span / corners : (t - first) / (corners - 1);
+}
+
+}  // namespace cardan
