@@ -128,7 +128,8 @@ int vehicle_change(lua_State* L) {
              "sat:change { [\"bodies.tank.mass\"] = \"3 kg\" }");
     const std::string key = lua_tostring(L, -2);
     if (vehicle_path(key).empty())
-      refuse(L, Code::unknown_name, "vehicle:change", "a key path that begins with bodies., gravity. or devices.", in_quotes(key));
+      refuse(L, Code::unknown_name, "vehicle:change", "a key path that begins with bodies., gravity., devices., fields. or loops.",
+             in_quotes(key));
     lua_pushvalue(L, -1);  // lua_tolstring changes a number where it stands
     wanted[std::string(vehicle_path(key))] = lua_tostring(L, -1);
     lua_pop(L, 1);
@@ -157,10 +158,11 @@ int vehicle_part(lua_State* L) {
   Handle& h = self<Kind::vehicle>(L);
   Scenario& s = *h.scenario;
   const Model& m = *s.model;
+  constexpr const char* of_body = kKind == Kind::hinge ? "vehicle:hinge" : kKind == Kind::modes ? "vehicle:modes" : "vehicle:body";
   const int index = kKind == Kind::node     ? find(L, m.nodes, Code::unknown_node, "vehicle:node", "a node of the vehicle")
                     : kKind == Kind::device ? find(L, m.devices.all, Code::unknown_name, "vehicle:device", "a device of the vehicle")
                     : kKind == Kind::loop   ? find(L, m.spec->loops, Code::unknown_name, "vehicle:loop", "a loop of the vehicle")
-                                            : find(L, m.user, Code::unknown_body, "vehicle:body", "a body of the vehicle");
+                                            : find(L, m.user, Code::unknown_body, of_body, "a body of the vehicle");
   if (kKind == Kind::modes && m.user[static_cast<std::size_t>(index)].n_modes == 0)
     refuse(L, Code::unknown_name, "vehicle:modes", "a flexible body", describe_value(L, 2));
   if (kKind == Kind::loop) return push_handle(L, kKind, index, s), 1;  // those of a vehicle are always the same

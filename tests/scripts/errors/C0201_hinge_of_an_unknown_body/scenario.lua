@@ -1,0 +1,3 @@
+-- exit: 2
+local sat = vehicle "../pendulum.yaml"
+local rod = sat:hinge "rodd"
