@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <cmath>
 #include <csignal>
 #include <filesystem>
@@ -23,19 +24,22 @@ local sat = vehicle "vehicle.yaml"
 mission { duration = 6, output = { rate = "10 Hz" }, checkpoint = { period = "0.5 s" } }
 local rod = sat:hinge "rod"
 local m = persist { integral = 0, draws = {}, filter = vector { 0, 0 }, crossings = 0 }
-local log = signals { ["own/numbers"] = { components = { "integral", "draw", "filter" } }, ["own/odd"] = {} }
+local log = signals { ["own/numbers"] = { components = { "integral", "draw", "filter", "phase" } }, ["own/odd"] = {} }
 controller { name = "c", rate = "20 Hz", step = function(t)
   m.integral = m.integral + 0.05 * rod:angle()
   m.draws[#m.draws % 5 + 1] = math.random()
   m.filter[1] = 0.9 * m.filter[1] + 0.1 * rod:rate()
   rod:torque(-0.3 * m.integral - 0.2 * m.filter[1] + 0.01 * (m.draws[1] - 0.5) + (mission.phase() == "push" and 0.5 or 0))
-  log["own/numbers"](m.integral, m.draws[1], m.filter[1])
+  log["own/numbers"](m.integral, m.draws[1], m.filter[1], mission.phase_time())
   if t == 1.25 then log["own/odd"](0 / 0) print "odd" end
 end }
 phase { name = "swing", duration = 1.7 }
 phase { name = "push", until_ = function(t) return m.crossings >= 3 end, enter = function() print("pushes") end }
 phase { name = "rest" }
-event { name = "passes", when = function() return rod:angle() - 0.05 end, action = function() m.crossings = m.crossings + 1 end }
+event { name = "passes", when = function() return rod:angle() - 0.05 end, action = function()
+  m.crossings = m.crossings + 1
+  if m.crossings == 5 then mission.enter "swing" end
+end }
 check { name = "crossings", value = function() return m.crossings end, above = 2 }
 figure { name = "integral", value = function() return m.integral end }
 )lua";
@@ -79,6 +83,7 @@ TEST(Resume, GoesOnAsIfTheRunHadNeverStopped) {
     const Finished whole = run({dir.path(), "--out", "whole"});
     ASSERT_LE(whole.exit_code, 1) << whole.err;
     EXPECT_EQ(whole.out.find("cannot be resumed"), std::string::npos) << whole.out;
+    EXPECT_EQ(std::ranges::count(Hdf5File::open(dir / "whole/run.h5").read_texts("/run/phases/text"), "swing"), 2) << "back by an event";
     ASSERT_LE(run({dir.path(), "--out", "part", "--until", "2.83"}).exit_code, 1);
     fs::remove(dir / "scenario.lua");  // the texts are in the results
     fs::remove(dir / "vehicle.yaml");

@@ -8,6 +8,9 @@ local function positive(x) return type(x) == "number" and x > 0 and x < math.hug
 local function expect(good, who, what, got)
   if not good then error("estimation." .. who .. ": expected " .. what .. ", got " .. tostring(got), 3) end
 end
+local function expect_keys(who, options, known)
+  for key in pairs(options) do expect((" " .. known .. " "):find(" " .. tostring(key) .. " ", 1, true), who, "one of the keys " .. known:gsub(" ", ", "), key) end
+end
 local function vector_of(n, x)
   if type(x) ~= "table" or #x ~= n then return false end
   for i = 1, n do if type(x[i]) ~= "number" or x[i] ~= x[i] or math.abs(x[i]) == math.huge then return false end end
@@ -50,6 +53,7 @@ function estimation.wahba(sightings)
     for _, side in ipairs { "body", "world" } do
       expect(type(one) == "table" and vector_of(3, one[side]) and vec.norm(one[side]) > 0, "wahba", "a direction " .. side .. " of sighting " .. k, type(one) == "table" and one[side] or one)
     end
+    expect_keys("wahba", one, "body world sigma")
     expect(positive(one.sigma), "wahba", "sigma > 0 of sighting " .. k, one.sigma)
     local b, r, weight = vec.unit(one.body), vec.unit(one.world), 1 / one.sigma ^ 2
     seen[k] = { b = b, r = r, weight = weight }
@@ -187,6 +191,7 @@ function estimation.attitude_filter(options)
   local o = options
   local who = "attitude_filter"
   expect(type(o) == "table" and vector_of(4, o.q) and math.abs(o.q[1] ^ 2 + o.q[2] ^ 2 + o.q[3] ^ 2 + o.q[4] ^ 2 - 1) < 1e-6, who, "q of length 1", type(o) == "table" and o.q or o)
+  expect_keys(who, o, "q sigma bias bias_sigma angle_random_walk rate_random_walk")
   expect(positive(o.sigma), who, "sigma > 0 rad", o.sigma)
   expect(o.bias == nil or vector_of(3, o.bias), who, "a bias {x, y, z} [rad/s]", o.bias)
   for _, key in ipairs { "bias_sigma", "angle_random_walk", "rate_random_walk" } do

@@ -145,6 +145,12 @@ for expected, call in pairs {
     estimation.wahba { { body = { 1, 0, 0 }, world = { 0, 1, 0 }, sigma = 1 }, { body = { -1, 0, 0 }, world = { 0, -1, 0 }, sigma = 1 } }
   end,
   ["q of length 1, got table"] = function() estimation.attitude_filter { q = { 1, 1, 0, 0 }, sigma = 1, angle_random_walk = 1 } end,
+  ["estimation.attitude_filter: expected one of the keys q, sigma, bias, bias_sigma, angle_random_walk, rate_random_walk, got bias_sgima"] = function()
+    estimation.attitude_filter { q = { 1, 0, 0, 0 }, sigma = 1, angle_random_walk = 1, bias_sgima = 1 }
+  end,
+  ["one of the keys body, world, sigma, got weight"] = function()
+    estimation.wahba { { body = { 1, 0, 0 }, world = { 1, 0, 0 }, sigma = 1, weight = 1 }, { body = { 0, 1, 0 }, world = { 0, 1, 0 }, sigma = 1 } }
+  end,
   ["angle_random_walk >= 0, got nil"] = function() estimation.attitude_filter { q = { 1, 0, 0, 0 }, sigma = 1 } end,
   ["dt > 0 s, got 0"] = function() estimation.attitude_filter({ q = { 1, 0, 0, 0 }, sigma = 1, angle_random_walk = 0 }):propagate({ 0, 0, 0 }, 0) end,
 } do
