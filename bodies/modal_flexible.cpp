@@ -3,7 +3,7 @@
 //   level 0: M_fl(0), except M_wv = (mc)~ which follows the mass centre;  level 1: M_fl(0) + sum eta_i dM_i;  level 2: exact.
 // Mass matrix and bias come from one truncation of the kinetic energy, which is what conserves energy at every level.
 // Everything that does not depend on the state is summed when the parameters are packed; what is left are plain loops.
-#include <Eigen/QR>
+#include <Eigen/Core>
 #include <algorithm>
 #include <cstdint>
 #include <cstring>
@@ -12,11 +12,17 @@
 
 #include "core/abi/cardan_body.h"
 #include "core/base/clones.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/spatial/rotation.hpp"
 
 // mass and bias are compiled for three instruction sets and the best is taken at load; many states at once for the set whose registers hold
-// them. Without fused multiplications (-ffp-contract=off) all give the same bits.
+// them. A program whose sweeps are built for one set alone (CARDAN_ONE_SET, CARDAN_ONE_WIDTH) has all for that. Without fused
+// multiplications (-ffp-contract=off) all give the same bits.
+#ifdef CARDAN_ONE_SET
+#define CARDAN_KERNEL_CLONES __attribute__((target(CARDAN_ONE_SET)))
+#else
 #define CARDAN_KERNEL_CLONES CARDAN_CLONES("default", "arch=x86-64-v3", "arch=x86-64-v4")
+#endif
 #define CARDAN_INTO_CLONES __attribute__((always_inline)) inline
 
 namespace cardan {
@@ -106,10 +112,9 @@ struct Couplings {
 };
 
 /// Columns: dM_ee / d eta_i. They are made of as many matrices as this has independent columns.
-auto factored(const cardan_modal_view& v) {
+PivotedQr factored(const cardan_modal_view& v) {
   const std::uint32_t m = v.n_modes;
-  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(Eigen::Map<const Eigen::MatrixXd>(v.rotary_ee, m * m, m));
-  return qr.setThreshold(1e-15 * m), qr;
+  return pivoted_qr(Eigen::Map<const Eigen::MatrixXd>(v.rotary_ee, m * m, m), 1e-15 * m);
 }
 
 Packed header_of(const cardan_modal_view& v) {
@@ -124,7 +129,7 @@ Packed header_of(const cardan_modal_view& v) {
   p.has_Psi = v.node_Psi != nullptr;
   // Level 2 is a polynomial in eta for translational lumps; nodal rotary inertia beyond first order and Q need the loop over the nodes.
   p.nodal = v.level == 2 && ((p.rotary && p.n_nodes > 0) || p.quadratic);
-  p.rank = !p.nodal && v.level >= 1 && v.rotary_ee ? static_cast<std::uint32_t>(factored(v).rank()) : 0;
+  p.rank = !p.nodal && v.level >= 1 && v.rotary_ee ? static_cast<std::uint32_t>(factored(v).R.rows()) : 0;
   if (p.level >= 1 && !p.nodal && (p.level < 2 || v.I9)) {
     const Couplings couplings{v};
     p.sparse = couplings.sparse();
@@ -258,10 +263,8 @@ int pack(const cardan_param_values* values, const cardan_modal_view* v, void* ou
     }
   }
   if (p.rank == 0) return 0;
-  const auto qr = factored(*v);
-  const Eigen::MatrixXd S = qr.householderQ() * Eigen::MatrixXd::Identity(m * m, p.rank);
-  const Eigen::MatrixXd R = qr.matrixQR().topRows(p.rank).triangularView<Eigen::Upper>();
-  Eigen::Map<Eigen::MatrixXd>(data + p.F, p.rank, m) = R * qr.colsPermutation().transpose();
+  const auto [S, F] = factored(*v);
+  Eigen::Map<Eigen::MatrixXd>(data + p.F, p.rank, m) = F;
   for (std::uint32_t r = 0; r < p.rank; ++r)
     for (std::uint32_t l = 0; l < m; ++l) copy(p.S + (l * p.rank + r) * m, S.col(r).data() + l * m, m);
   return 0;
@@ -619,6 +622,12 @@ CARDAN_INTO_CLONES void both_of(const Packed& p, const double* eta, const double
   polynomial_mass(p, in(eta), out(M_rr), out(M_re), out(M_ee));
   if (etadot) polynomial_bias(p, in(eta), in(etadot), Vec3<T>{in(omega)[0], in(omega)[1], in(omega)[2]}, out(b));
 }
+#ifdef CARDAN_ONE_SET
+CARDAN_KERNEL_CLONES void states(const void* packed, std::uint32_t, const double* eta, const double* etadot, const double* omega,
+                                 double* M_rr, double* M_re, double* M_ee, double* b) {
+  both_of<CARDAN_ONE_WIDTH>(self(packed), eta, etadot, omega, M_rr, M_re, M_ee, b);
+}
+#else
 #define CARDAN_STATES(N, TARGET)                                                                                                    \
   TARGET void states_##N(const Packed& p, const double* eta, const double* etadot, const double* omega, double* M_rr, double* M_re, \
                          double* M_ee, double* b) {                                                                                 \
@@ -640,6 +649,7 @@ void states(const void* packed, std::uint32_t n, const double* eta, const double
   const auto of = n == 2 ? states_2 : n == 4 ? states_4 : states_8;
   of(self(packed), eta, etadot, omega, M_rr, M_re, M_ee, b);
 }
+#endif
 
 }  // namespace
 

@@ -1,6 +1,7 @@
 #include "core/dynamics/inverse.hpp"
 
 #include <algorithm>
+#include <stdexcept>
 
 #include "core/model/loops.hpp"
 #include "core/soa/gravity_field.hpp"
@@ -12,6 +13,7 @@ namespace cardan {
 template <class T>
 void inverse_dynamics_of_tree(const Model& model, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* tau, InverseTerms terms,
                               const Part* part) {
+  if (part && !kHasParts<T>) throw std::logic_error("inverse_dynamics: a part is of one state");
   const soa::Sweeps<T>& S = soa::sweeps<T>();
   soa::Inputs<T> use = in;
   use.gravity = in.gravity && terms.gravity;
@@ -23,22 +25,10 @@ void inverse_dynamics_of_tree(const Model& model, soa::Workspace<T>& ws, const s
     world(model, S, ws, use, part);
   }
   if (central) S.central_gravity(model, ws, use);
-  if (!part) {
-    S.node_wrenches(model, ws, use);
-    for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.gather(model, ws, use, *run, tau);
-    return;
-  }
-  for (const int k : part->rotors_left_out)
-    if (const SweepBody& rotor = model.bodies[k]; central && rotor.M.m > 0.0) {
-      Vec3<T> c, r;
-      ws.z(rotor.parent) += soa::attraction(model.field, cast<T>(rotor.M_sweep), ws.pose_W(rotor.parent), c, r, in.moment);
-    }
-  for (const soa::NodeWrench<T>& w : in.wrenches) {
-    if (!part->takes_part[model.nodes[w.node].sweep]) continue;
-    use.wrenches = {&w, 1};
-    S.node_wrenches(model, ws, use);
-  }
-  for (auto run = part->runs.rbegin(); run != part->runs.rend(); ++run) S.gather(model, ws, use, *run, tau);
+  if constexpr (kHasParts<T>)
+    if (part) return gather_of_part(model, S, ws, use, tau, *part);
+  S.node_wrenches(model, ws, use);
+  for (auto run = model.runs.rbegin(); run != model.runs.rend(); ++run) S.gather(model, ws, use, *run, tau);
 }
 template void inverse_dynamics_of_tree(const Model&, soa::Workspace<double>&, const soa::Inputs<double>&, double*, InverseTerms,
                                        const Part*);

@@ -6,6 +6,7 @@
 // outward sweep needs the pose and the gravity of what they hang on, at rest.
 #include <cstdint>
 #include <span>
+#include <type_traits>
 #include <vector>
 
 #include "core/soa/sweeps.hpp"
@@ -23,62 +24,37 @@ struct Part {
 std::vector<Run> stretches(const std::vector<Run>& runs, const std::vector<std::uint8_t>& marked);
 Part part_of(const SweepModel& model, std::span<const int> sweep_bodies);
 
-/// What stands still has no derivative, also where q moves what it hangs on.
+/// Parts are of one state, and of its derivative along a direction: of lanes there are none.
 template <class T>
-T held(const T& x) {
-  return x;
-}
-template <class D>
-TangentOf<D> held(const TangentOf<D>& x) {
-  return x.x;
-}
+inline constexpr bool kHasParts = std::is_same_v<T, double> || std::is_same_v<T, soa::Tangent>;
+
 template <class T>
-Vec3<T> held(const Vec3<T>& a) {
-  return {held(a.x), held(a.y), held(a.z)};
-}
+void outward_of_part(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& ws, const soa::Inputs<T>& in,
+                     soa::OutwardFor what, const Part& part);
 template <class T>
-Pose<T> held(const Pose<T>& X) {
-  const Mat3<T>& R = X.R;
-  return {{held(R.xx), held(R.xy), held(R.xz), held(R.yx), held(R.yy), held(R.yz), held(R.zx), held(R.zy), held(R.zz)}, held(X.p)};
-}
+void world_of_part(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& ws, const soa::Inputs<T>& in, const Part& part);
+/// Loads on nodes of the part, then tip to base: tau of inverse dynamics.
+template <class T>
+void gather_of_part(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& ws, const soa::Inputs<T>& in, T* tau,
+                    const Part& part);
 
 /// Ground, hinge records and, base to tip, all bodies, or those of a part (then in.v and in.vdot are zero for the others).
 template <class T>
-CARDAN_INLINE void outward(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& ws, const soa::Inputs<T>& in,
-                           soa::OutwardFor what, const Part* part = nullptr) {
+void outward(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& ws, const soa::Inputs<T>& in, soa::OutwardFor what,
+             const Part* part = nullptr) {
   S.ground(model, ws, in);
   S.hinge_records(model, ws, in);
-  if (!part) {
-    for (const Run& run : model.runs) S.outward(model, ws, in, run, what);
-    return;
-  }
-  for (const Run& run : part->still) S.outward(model, ws, in, run, {.velocity = false});
-  for (const Run& run : part->still)
-    for (int k = run.begin; k < run.end; ++k) ws.core(k).gamma.v = held(ws.core(k).gamma.v);
-  for (const Run& run : part->runs) S.outward(model, ws, in, run, what);
-  for (const int k : part->rotors_left_out) {
-    const SweepBody& rotor = model.bodies[k];
-    const soa::Core<T>& carrier = ws.core(rotor.parent);
-    const RigidInertia<T> M = cast<T>(rotor.M_sweep);
-    ws.z(rotor.parent) -= M * carrier.gamma + gyroscopic(M, carrier.w);
-  }
+  if constexpr (kHasParts<T>)
+    if (part) return outward_of_part(model, S, ws, in, what, *part);
+  for (const Run& run : model.runs) S.outward(model, ws, in, run, what);
 }
 
 /// Poses and velocities in the world. Needs outward; Workspace::require_world() before.
 template <class T>
 void world(const SweepModel& model, const soa::Sweeps<T>& S, soa::Workspace<T>& ws, const soa::Inputs<T>& in, const Part* part) {
   S.world(model, ws, in);
-  for (int k = 1; part && k < static_cast<int>(model.bodies.size()); ++k) {
-    const int inboard = model.bodies[k].parent;
-    if (part->takes_part[k]) {
-      const Pose<T> X = soa::pose_in_inboard(model, ws, k, in.q);
-      ws.pose_W(k) = ws.pose_W(inboard) * X;
-      ws.V(k) = soa::velocity_of(model, ws, in, k, X, ws.V(inboard));
-    } else {
-      ws.pose_W(k) = held(ws.pose_W(k));
-      ws.V(k) = Motion<T>{{T(0), T(0), T(0)}, {T(0), T(0), T(0)}};
-    }
-  }
+  if constexpr (kHasParts<T>)
+    if (part) world_of_part(model, S, ws, in, *part);
 }
 
 }  // namespace cardan

@@ -4,6 +4,13 @@
 
 namespace cardan {
 
+Model::Model() = default;
+Model::Model(const Model&) = default;
+Model::Model(Model&&) noexcept = default;
+Model& Model::operator=(const Model&) = default;
+Model& Model::operator=(Model&&) noexcept = default;
+Model::~Model() = default;
+
 int Model::find_body(std::string_view wanted) const {
   for (std::size_t i = 0; i < user.size(); ++i)
     if (user[i].name == wanted) return static_cast<int>(i);

@@ -229,6 +229,14 @@ struct Loops {
 };
 
 struct Model : SweepModel {
+  // As the compiler makes them, compiled once (model.cpp): two seconds of each file that copies a model.
+  Model();
+  Model(const Model&);
+  Model(Model&&) noexcept;
+  Model& operator=(const Model&);
+  Model& operator=(Model&&) noexcept;
+  ~Model();
+
   std::string name;
   std::vector<HingeLoad> loads;
   std::vector<Field> fields;  // in the user's order

@@ -203,6 +203,14 @@ struct GravitySpec {
 };
 
 struct SystemSpec {
+  // As the compiler makes them, compiled once (spec.cpp).
+  SystemSpec();
+  SystemSpec(const SystemSpec&);
+  SystemSpec(SystemSpec&&) noexcept;
+  SystemSpec& operator=(const SystemSpec&);
+  SystemSpec& operator=(SystemSpec&&) noexcept;
+  ~SystemSpec();
+
   std::string name;
   std::vector<BodySpec> bodies;  // in the user's order, which is that of q, v and the results
   GravitySpec gravity;

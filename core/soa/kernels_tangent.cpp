@@ -139,10 +139,12 @@ void family_inertia(const FlexibleBody& f, int m, const Tangents* eta, const Tan
   }
 }
 
+#ifdef CARDAN_TANGENTS_V2  // where the program has the sweeps of v2 (core/CMakeLists.txt)
 const Sweeps<Tangents>& tangents_v2() {
   static constexpr Sweeps<Tangents> set = make_inverse_sweeps<Tangents>();
   return set;
 }
+#endif
 
 template <>
 const Sweeps<Tangent>& sweeps<Tangent>() {

@@ -52,6 +52,7 @@ Scenario::Scenario(const ScenarioOptions& options)
   register_bodies(registry);
   register_devices(registry);
 }
+Scenario::~Scenario() = default;
 
 void Scenario::look_at_state() {
   q = sim->state().q.data();

@@ -112,6 +112,7 @@ struct Scenario {
   enum class Stage { setup, run, end };
 
   explicit Scenario(const ScenarioOptions& options);
+  ~Scenario();
   Scenario(const Scenario&) = delete;
   Scenario& operator=(const Scenario&) = delete;
 
