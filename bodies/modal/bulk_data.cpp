@@ -90,6 +90,7 @@ class BulkData {
   void read_cards() {
     TextLines lines(path_, at_, "bulk data of NASTRAN: GRID, CTETRA, CHEXA, CPENTA, PSOLID, MAT1");
     std::vector<std::pair<int, std::string>> text;
+    bool begun = false;
     for (int number = 1; lines.next(); ++number) {
       std::string line;
       for (const char c : lines.line()) {
@@ -100,9 +101,13 @@ class BulkData {
           line += static_cast<char>(std::toupper(static_cast<unsigned char>(c)));
       }
       if (trimmed(line).empty()) continue;
-      if (trimmed(line).starts_with("BEGIN") && line.find("BULK") != std::string::npos)
-        text.clear();  // what stood above says what to compute
-      else if (trimmed(line) == "ENDDATA")
+      if (trimmed(line).starts_with("BEGIN") && (begun || line.find("BULK") != std::string::npos)) {
+        if (begun) refuse(number, "one section of bulk data", trimmed(line), "superelements are bodies of their own", Code::unsupported);
+        // What stood above says what to compute, but for parameters, which may stand there too.
+        std::erase_if(
+            text, [](const auto& above) { return !trimmed(above.second).starts_with("PARAM,") && !above.second.starts_with("PARAM "); });
+        begun = true;
+      } else if (trimmed(line) == "ENDDATA")
         break;
       else
         text.emplace_back(number, std::move(line));
@@ -265,6 +270,9 @@ class BulkData {
       refuse(card, "E = 2 G (1 + nu): an isotropic material", fmt::format("E = {:g}, G = {:g}, nu = {:g}", E, G, nu),
              "leave one of them out");
     m.E *= stress_;
+    if (!(m.E > 0.0 && m.nu > -1.0 && m.nu < 0.5 && m.rho > 0.0))
+      refuse(card, "MAT1 with E > 0, -1 < nu < 0.5, rho > 0", fmt::format("E = {:g} Pa, nu = {:g}, rho = {:g} kg/m^3", m.E, m.nu, m.rho),
+             {}, Code::out_of_range);
     if (!materials_.emplace(number, static_cast<int>(mesh_.materials.size())).second)
       refuse(card, "a material with a number of its own", fmt::format("MAT1 {} twice", number));
     mesh_.materials.push_back(m);

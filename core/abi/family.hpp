@@ -214,10 +214,10 @@ const cardan_hinge_family& hinge_table() {
       };
     t.kinematics = &detail::kinematics<F>;
     t.qdot = [](const void* packed, const double* q, const double* v, double* qdot) {
-      if constexpr (F::nq == F::nv)
-        std::copy_n(v, F::nv, qdot);  // v may be null where nv = 0
-      else
+      if constexpr (requires { F::qdot(*static_cast<const P*>(packed), q, v, qdot); })
         F::qdot(*static_cast<const P*>(packed), q, v, qdot);
+      else
+        std::copy_n(v, F::nv, qdot);  // v may be null where nv = 0
     };
     if constexpr (F::nq != F::nv) {
       t.zero = [](const void* p, double* q) { F::zero(*static_cast<const P*>(p), q); };

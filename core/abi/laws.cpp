@@ -213,6 +213,7 @@ class HingeLaws {
     found_.list(kPack);
     found_.list(kWrites);
     found_.list(kBatch, "its packed parameters have no size of their own");
+    found_.list(kRates, "nq > nv, or it has no velocity");
     for (const char* law : kShapeLaws) found_.list(law, "its shape is CARDAN_SHAPE_DENSE");
   }
 
@@ -236,6 +237,8 @@ class HingeLaws {
 
  private:
   static constexpr const char* kBatch = "kinematics of many hinges is that of each";
+  // Springs, stops, devices and couplings take q_i and v_i for one component and its rate.
+  static constexpr const char* kRates = "where nq = nv, qdot is v";
   static constexpr const char* kShapeLaws[] = {"the declared shape is true: length of the axis",
                                                "the declared shape is true: R",
                                                "the declared shape is true: l",
@@ -265,6 +268,7 @@ class HingeLaws {
     law("Hdot_v = (d/dt Ht) v", (Hdot * v - r.Hdot_v).norm(), 1e-9, turn * v.norm() + r.Hdot_v.norm());
     const VectorXd qdot = hinge.qdot(q, v), qdot_u = hinge.qdot(q, u);
     law("qdot is linear in v", (hinge.qdot(q, v + 2.0 * u) - qdot - 2.0 * qdot_u).norm(), 1e-12, qdot.norm() + qdot_u.norm());
+    if (f_.nq == f_.nv && f_.nv > 0) law(kRates, (qdot - v).norm(), 1e-12, v.norm());
 
     const Record other = hinge.at(q, u);
     law("R, l and Ht do not depend on v", (other.R - r.R).norm() + (other.l - r.l).norm() + (other.Ht - r.Ht).norm(), 0.0);

@@ -101,6 +101,7 @@ void AbsoluteSystem::enter(const double* q, const double* v, double* Q, double* 
   outward(m_, S, tree_, in, {.inertia = false});
   S.world(m_, tree_, in);
   std::copy_n(q, m_.nq, q_near_.begin());
+  ws_.loops->near_W.clear();
   for (const AbsoluteModel::Joint& joint : a_.joints) {
     const UserBody &u = m_.user[at(joint.user)], &to = f.user[at(joint.user)];
     const NodeMotion<double> moves = node_motion<double>(m_, tree_, in, m_.find_node(u.name), nullptr);
@@ -247,8 +248,12 @@ void AbsoluteSystem::couple() {
 void AbsoluteSystem::leave(double* q, double* v, bool near) {
   std::copy_n(q_.begin(), m_.nq, q);
   std::copy_n(v_.begin(), m_.nv, v);
-  if (near) std::copy_n(q_.begin(), m_.nq, q_near_.begin());
+  if (!near) return;
+  std::copy_n(q_.begin(), m_.nq, q_near_.begin());
+  keep_rows();
 }
+
+void AbsoluteSystem::keep_rows() { ws_.loops->near_W = ws_.loops->W; }
 
 void AbsoluteSystem::forces(const Inputs& in, const double* Udot, const double* lambda, double* out) {
   const Model& f = *a_.closed;

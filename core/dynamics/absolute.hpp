@@ -43,7 +43,7 @@ class AbsoluteSystem {
   /// hinge that is given.
   int first_row(int loop) const { return first_row_[static_cast<std::size_t>(loop)]; }
 
-  /// The bodies as the hinges place them. Coordinates of hinges are looked for near q from now on.
+  /// The bodies as the hinges place them. Coordinates of hinges are looked for near q from now on, directions of rows anywhere.
   void enter(const double* q, const double* v, double* Q, double* U);
   /// All that follows is at these. `drives` as in Inputs; `given`: coordinates and rates of the vehicle, of which those count that are
   /// given.
@@ -54,8 +54,11 @@ class AbsoluteSystem {
   /// The row of a given rate whose coordinate is not its integral holds no place.
   bool holds_a_place(int row) const { return row < first_given_ || given_[static_cast<std::size_t>(row - first_given_)].q >= 0; }
   /// Coordinates and rates of the hinges, and the modes: where the rows are open, those that are nearest. near: coordinates of hinges are
-  /// looked for near them from now on.
+  /// looked for near them from now on, and rows near those that are.
   void leave(double* q, double* v, bool near);
+  /// Directions of rows are looked for near those that they have: multipliers of a hinge whose directions turn are smooth in time, where
+  /// directions that are chosen anew may change places.
+  void keep_rows();
 
   /// c, G and G U, less what is given as a function of time.
   std::span<const double> residual() const { return c_; }

@@ -28,7 +28,8 @@ struct LoopWork {
   std::vector<const double*> near_q;          // where these q are looked for; null: near Loop::q0
   std::vector<std::vector<double>> gradient;  // of couplings: per term, of each loop
   // Per row:
-  std::vector<Force<double>> W;  // what a multiplier of 1 does to the end `to`, axes of the node `from`
+  std::vector<Force<double>> W;       // what a multiplier of 1 does to the end `to`, axes of the node `from`
+  std::vector<Force<double>> near_W;  // near which the W of hinges that close are chosen; empty: near coordinate directions
   std::vector<double> c, rate, extra, open, acceleration, rhs, lambda, step, scale;
   // rows x nv, row by row: G, and M^-1 G* of the rows that count.
   std::vector<double> G, U;

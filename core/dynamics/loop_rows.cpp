@@ -18,8 +18,9 @@ Eigen::Matrix<double, 6, 1> vector(const Vec3<double>& a, const Vec3<double>& b)
 }
 double product(const Force<double>& W, const Vec3<double>& w, const Vec3<double>& v) { return dot(W.n, w) + dot(W.f, v); }
 
-/// Orthonormal columns W with W* H = 0, each as near to a coordinate direction as there is one left. N: the projector on what is left.
-void complement(const HingeColumns& H, Force<double>* W) {
+/// Orthonormal columns W with W* H = 0, each as near to a coordinate direction as there is one left, or to the column of `near` in its
+/// place. N: the projector on what is left.
+void complement(const HingeColumns& H, const Force<double>* near, Force<double>* W) {
   const int n = static_cast<int>(H.cols());
   using Column = Eigen::Matrix<double, 6, 1>;
   Eigen::Matrix<double, 6, 6> N = Eigen::Matrix<double, 6, 6>::Identity();
@@ -31,6 +32,10 @@ void complement(const HingeColumns& H, Force<double>* W) {
   for (int j = 0; j < n; ++j)
     if (const Column left = N * H.col(j); left.squaredNorm() > 1e-18 * H.col(j).squaredNorm()) take(left);
   for (int j = 0; j < 6 - n; ++j) {
+    if (near) {
+      W[j] = force(take(vector(near[j].n, near[j].f)).data());
+      continue;
+    }
     int best = 0;
     double most = 0.0;
     for (int i = 0; i < 6; ++i)
@@ -174,7 +179,7 @@ void LoopPass::close_by_hinge(const Loop& loop, std::size_t l, Force<double>* W,
   if (f.shape == CARDAN_SHAPE_ROTATION)
     soa::rows_across(from_eigen(Eigen::Vector3d(H_A.col(0).head<3>())), W);
   else
-    complement(H_A, W);
+    complement(H_A, k_.near_W.empty() ? nullptr : &k_.near_W[at(loop.first)], W);
   const Eigen::Matrix<double, 6, 1>& e = fit.e;
   const Vec3<double> turn = r.R * Vec3<double>{e[0], e[1], e[2]}, shift = r.R * Vec3<double>{e[3], e[4], e[5]};
   const Vec3<double> alpha = r.R * Vec3<double>{out.Hdot_v[0], out.Hdot_v[1], out.Hdot_v[2]};

@@ -27,7 +27,7 @@ Eigenpairs lowest_eigenpairs(const SparseMatrix& K, const SparseMatrix& M, int k
                              const SparseFactor* at_sigma = nullptr);
 
 /// The same from operators: `inverse` applies (K - sigma M)^-1, positive definite, and `mass` applies M. No residual
-/// and no inertia check is possible here. Up to about 2 k unknowns a dense solver is used.
+/// and no inertia check is possible here. Up to about 2 k unknowns, or unknowns with mass, a dense solver is used.
 Eigenpairs lowest_eigenpairs(const LinearOperator& inverse, const LinearOperator& mass, int k, double sigma);
 
 }  // namespace cardan

@@ -62,6 +62,27 @@ Eigenpairs dense_pairs(const LinearOperator& inverse, const LinearOperator& mass
   return {pairs.values.tail(k), *L * pairs.vectors.rightCols(k)};
 }
 
+/// The same where few rows of M are not empty: of x_m, the components with mass, (A^-1)_mm M_mm x_m = nu x_m, and x = A^-1 M x / nu.
+Eigenpairs pairs_of_few_masses(const LinearOperator& inverse, const LinearOperator& mass, int k, const std::vector<int>& with_mass) {
+  const auto m = static_cast<Eigen::Index>(with_mass.size());
+  MatrixXd solved(inverse.rows, m), A_inv(m, m), M(m, m);  // A^-1 of a unit at each of them, its components there
+  VectorXd column(inverse.rows);
+  for (Eigen::Index j = 0; j < m; ++j) {
+    Poll::now();
+    const VectorXd unit = VectorXd::Unit(inverse.rows, with_mass[static_cast<std::size_t>(j)]);
+    inverse.mult(unit, column);
+    solved.col(j) = column;
+    A_inv.col(j) = column(with_mass);
+    mass.mult(unit, column);
+    M.col(j) = column(with_mass);
+  }
+  const std::optional<MatrixXd> L = cholesky(0.5 * (A_inv + A_inv.transpose()));
+  if (!L) throw LinalgError("the shifted stiffness is not positive definite: an eigenvalue lies below the shift");
+  const DensePairs pairs = symmetric_pairs(L->transpose() * M * *L);
+  const VectorXd nu = pairs.values.tail(k);
+  return {nu, solved * (M * (*L * pairs.vectors.rightCols(k))) * nu.cwiseInverse().asDiagonal()};
+}
+
 /// The k largest nu of the same problem by ARPACK.
 Eigenpairs arpack_pairs(const LinearOperator& inverse, const LinearOperator& mass, int k, int n_lanczos) {
   static std::mutex one_at_a_time;  // ARPACK keeps its state in static variables
@@ -93,6 +114,7 @@ Eigenpairs arpack_pairs(const LinearOperator& inverse, const LinearOperator& mas
     work(1) = y;
   }
   if (info == 1) throw LinalgError(fmt::format("{} of {} eigenpairs converged in {} restarts", iparam[4], k, kMaxRestarts));
+  if (info == -9999) throw LinalgError(fmt::format("{} of {} pairs: the mass matrix has no more that are finite", iparam[4], k));
   if (info != 0) throw LinalgError(fmt::format("ARPACK dsaupd returned {}", info));
   std::vector<int> select(static_cast<std::size_t>(n_lanczos));
   Eigenpairs out{VectorXd(k), MatrixXd(n, k)};
@@ -167,7 +189,15 @@ Eigenpairs lowest_eigenpairs(const LinearOperator& inverse, const LinearOperator
   const int n = inverse.rows;
   if (k < 1 || k > n) throw LinalgError(fmt::format("{} eigenpairs of {} unknowns", k, n));
   const int n_lanczos = std::max(2 * k + 8, 24);
-  Eigenpairs found = n_lanczos >= n ? dense_pairs(inverse, mass, k) : arpack_pairs(inverse, mass, k, n_lanczos);
+  std::vector<int> with_mass;  // Lanczos' vectors are as many as these at most
+  VectorXd Mx(n);
+  mass.mult(start_vector(n), Mx);
+  for (int i = 0; i < n; ++i)
+    if (Mx(i) != 0.0) with_mass.push_back(i);
+  if (k > std::ssize(with_mass)) throw LinalgError(fmt::format("{} degrees of freedom that carry mass", with_mass.size()));
+  Eigenpairs found = n_lanczos >= n                       ? dense_pairs(inverse, mass, k)
+                     : n_lanczos >= std::ssize(with_mass) ? pairs_of_few_masses(inverse, mass, k, with_mass)
+                                                          : arpack_pairs(inverse, mass, k, n_lanczos);
   if (!(found.values.minCoeff() > 0.0))
     throw LinalgError(fmt::format("fewer than {} finite eigenvalues above {}: too few degrees of freedom carry mass", k, sigma));
 

@@ -116,6 +116,7 @@ bool VehicleImplicitForm::enter(double t, const double* x, double* y, double* yd
     if (!in) return;
     system_.enter(q, v, Q, U);
     system_.place(Q, U, drives, {q, v});
+    system_.keep_rows();
     good = system_.accelerate(*in, kept_, ydot + nq_, ydot + nq_ + nv_);
     bodies_.qdot(Q, U, ydot);
     measure();

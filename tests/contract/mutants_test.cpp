@@ -145,6 +145,17 @@ std::vector<Mutant> mutants() {
   add("RatesThatAreNotLinear", "qdot is linear in v", curve(),
       [](Table& t) { t.qdot = [](const void*, const double*, const double* v, double* qdot) { *qdot = *v + 1e-11 * *v * *v; }; });
   add(
+      "RatesOfAnotherMeasure", "where nq = nv, qdot is v", curve(),
+      [](Table& t) {
+        t.qdot = [](const void*, const double*, const double* v, double* qdot) { *qdot = 2 * *v; };
+        t.zero = [](const void*, double* q) { *q = 0; };
+        t.normalise = [](const void*, double*) {};
+        t.retract = [](const void*, const double* q, const double* d, double* out) { *out = *q + 2 * *d; };
+        t.difference = [](const void*, const double* a, const double* b, double* d) { *d = (*b - *a) / 2; };
+        t.kinematics = CHANGED_RECORD(curve(), for (double& h : o.Ht) h *= 2; for (double& h : o.Hdot_v) h *= 4;);
+      },
+      true);
+  add(
       "AMapThatKnowsTheRate", "R, l and Ht do not depend on v", curve(),
       [](Table& t) { t.kinematics = CHANGED_RECORD(curve(), o.Ht[5] += 1e-13 * v;); }, true);
   add("AMemory", "kinematics is a function of its arguments", curve(),

@@ -204,6 +204,13 @@ TEST_F(SolidFiles, OfBulkDataAreRefusedWithTheirLine) {
   expect("RBE2,9,10,123,20,30", "RBE2");
   expect("MPC,9,10,1,1.,20,1,-1.", "MPC");
   expect("PARAM,WTMASS,.00259", "WTMASS");
+  // A file without the line that parts case control from bulk data begins with it; parameters may stand above it.
+  for (const char* more : {"BEGIN BULK", "BEGIN SUPER=1", "BEGIN BULK SUPER=1"}) {
+    std::string text = "BEGIN BULK\n" + good;
+    text.insert(text.find("ENDDATA"), more + std::string("\n"));
+    EXPECT_EQ(refused("a.bdf", text).at.mark.line, 15) << more;
+  }
+  EXPECT_EQ(refused("a.bdf", "SOL 103\nCEND\nPARAM,WTMASS,.00259\nBEGIN BULK\n" + good).at.mark.line, 3);
   expect("INCLUDE 'other.bdf'", "INCLUDE");
   expect("GRID,200,7,1.,2.,3.", "system 7");
   expect("GRID,200,,1.,2.,3.,,13", "with 13");
@@ -222,6 +229,9 @@ TEST_F(SolidFiles, OfBulkDataAreRefusedWithTheirLine) {
   expect("MAT1,5,7.+10,9.+9,.3,2700.", "G = 9e+09");
   expect("MAT1,5,7.+10,,,2700.", "fewer");
   expect("MAT1,5,7.+10,,.3", "nothing");
+  expect("MAT1,5,7.+10,,.5,2700.", "nu = 0.5");
+  expect("MAT1,5,-7.+10,,.3,2700.", "E = -7e+10");
+  expect("MAT1,5,7.+10,,.3,0.", "rho = 0");
   expect("GRID,200,,1.,2.,3.,0,456,0,+A,5", "10");
   EXPECT_EQ(refused("b.bdf", "").got, "") << "no element: told by what makes a body of it";
   EXPECT_EQ(number_of(refused("c.bdf", "+,1,2\n").code), "C0321");

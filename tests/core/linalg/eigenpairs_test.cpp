@@ -101,6 +101,24 @@ TEST(LowestEigenpairs, TakeAMassMatrixWithEmptyRows) {
   for (int k = 1; k <= 5; ++k) EXPECT_NEAR(found.values(k - 1) / (0.5 * chain_value(k, n / 2)), 1.0, 1e-12);
 }
 
+// Of a chain with four masses, and as many pairs as it has: fewer than the vectors of Lanczos' method.
+TEST(LowestEigenpairs, TakeAMassMatrixOfFewMasses) {
+  const int n = 99, apart = 20;
+  SparseMatrix M(n, n);
+  std::vector<Eigen::Triplet<double>> t;
+  for (int i = apart - 1; i < n; i += apart) t.emplace_back(i, i, 1.0);
+  M.setFromTriplets(t.begin(), t.end());
+  const Eigenpairs found = lowest_eigenpairs(chain(n), M, 4, 0.0);
+  for (int k = 1; k <= 4; ++k) EXPECT_NEAR(found.values(k - 1) / (chain_value(k, 4) / apart), 1.0, 1e-11);
+  EXPECT_LE(test::largest(found.vectors.transpose() * M * found.vectors - MatrixXd::Identity(4, 4)), 1e-13);
+  try {
+    lowest_eigenpairs(chain(n), M, 5, 0.0);
+    FAIL() << "more than have mass";
+  } catch (const LinalgError& e) {
+    EXPECT_STREQ(e.what(), "4 degrees of freedom that carry mass");
+  }
+}
+
 TEST(LowestEigenpairs, FindEveryMemberOfAClusterAndPlaceItsBasisByTheSubspaceAlone) {
   const int n = 50, copies = 7;
   const Eigenpairs found = lowest_eigenpairs(repeated(chain(n), copies), identity(n * copies), 10, 0.0);
