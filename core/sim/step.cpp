@@ -164,6 +164,7 @@ bool Simulation::evaluate(double t, double since, const double* x, double* vdot)
   if (devices_) devices_->set({t, v + model_->nv, state_.marks.data(), tau_total_.data(), wrenches_.data()});
   if (!forward_dynamics(*model_, workspace_, inputs(q, v), vdot, devices_.get())) {
     breakdown_ = workspace_.breakdown;
+    keep_broken(t, q);
     culprit_ = plugin_at_fault(*model_, q, v);
     if (gravity_stopped_.empty()) gravity_stopped_ = told_of_gravity();
     return false;
