@@ -108,8 +108,10 @@ void Simulation::step(double t_stop) {
     const auto [corners, devices] =
         std::pair(report.crossed.subspan(events_.size(), limits_.size()), report.crossed.subspan(events_.size() + limits_.size()));
     bounce(corners);
-    if (device_events(devices) || std::ranges::any_of(corners, [](int side) { return side != 0; }))
-      start_anew_for(RestartCause::event);  // a stop begins or ends to push, a device changed: a corner
+    const auto crossed = [](int side) { return side != 0; };
+    const auto edges = report.crossed.last(static_cast<std::size_t>(model_->devices.n_edges));
+    if (device_events(devices) || std::ranges::any_of(corners, crossed) || std::ranges::any_of(edges, crossed))
+      start_anew_for(RestartCause::event);  // a stop begins or ends to push, a device changed, a shadow begins: a corner
   }
   // v' of a prescribed motion jumps at a corner; the history of a multi-step method is not on closed loops.
   if (report.t == corner) start_anew_for(RestartCause::corner);
