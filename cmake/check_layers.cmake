@@ -93,7 +93,7 @@ set(external
   "pty.h|tests"
   "poll.h|core/base/child_process.cpp scripts/commands/ tests"
   "stddef.h|tests/abi/2.0/"
-  "stdint.h|core/abi/cardan_abi.h tests/abi/2.0/ tests/abi/2.1/ tests/abi/2.2/ tests/abi/2.3/ tests/abi/2.4/ tests/abi/2.5/")
+  "stdint.h|core/abi/cardan_abi.h tests/abi/2.0/ tests/abi/2.1/ tests/abi/2.2/ tests/abi/2.3/ tests/abi/2.4/ tests/abi/2.5/ tests/abi/2.6/")
 
 # The longest row of `table` whose name begins `path`: its right-hand side in `out`; `found` tells whether there is one.
 function(row_of table path out found)

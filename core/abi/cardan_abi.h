@@ -17,8 +17,9 @@ extern "C" {
 #endif
 
 #define CARDAN_ABI_MAJOR 2u /* binary break: the host refuses */
-/* Fields appended, kinds added: devices and fields since 1; valid and impulse of devices since 2; bodies since 3. */
-#define CARDAN_ABI_MINOR 5u
+/* Fields appended, kinds added: devices and fields since 1; valid and impulse of devices since 2; bodies since 3; edges of fields since
+ * 6. */
+#define CARDAN_ABI_MINOR 6u
 
 /* ---- parameters: what the description of an instance may say, and what its family is told ---- */
 
@@ -39,7 +40,8 @@ enum cardan_param_kind {
 enum cardan_param_flag {
   CARDAN_REQUIRED = 1u, /* an error when absent */
   CARDAN_ABOVE = 2u,    /* `lower` itself is not in the range */
-  CARDAN_BELOW = 4u     /* nor is `upper` */
+  CARDAN_BELOW = 4u,    /* nor is `upper` */
+  CARDAN_EACH = 8u      /* since 2.6. Of a VECTOR: the description may give one number for all three */
 };
 
 /* One parameter: drives the check of the input, the error messages and the documentation. The host checks kind, unit, range and

@@ -25,7 +25,7 @@ enum cardan_quantity {
   CARDAN_ATTITUDE = 6, /* 4: of a celestial body, unit quaternion w, x, y, z from its axes to world axes. Of time alone */
   CARDAN_TIME = 7      /* 1: seconds since 2000 January 1, 12 h TT [s]. Of time alone */
 };
-enum { CARDAN_FIELD_NUMBERS = 4 }; /* at most */
+enum { CARDAN_FIELD_NUMBERS = 4, CARDAN_FIELD_EDGES = 4 }; /* at most */
 
 /* Facts, each proven by laws when the field is loaded. */
 enum cardan_field_fact {
@@ -73,6 +73,10 @@ typedef struct cardan_field_family {
   uint32_t prepared_size;
   int (*prepare)(double t, const void* packed, void* prepared);
   uint64_t (*packed_size)(const cardan_param_values*); /* [setup] (optional) bytes of this instance, in place of params_size */
+  /* Since 2.6. [step: pure] (optional) Functions of place and time that change their sign where values have a corner, and are smooth and
+   * far from flat on both sides of it, so that a step can end there: the edges of a shadow. How many there are, a fact of the parameters
+   * and at most CARDAN_FIELD_EDGES; unless g is null, their values at one point (3 numbers). Not asked of what is of time alone. */
+  uint32_t (*edges)(const cardan_field_args*, const double* point, double* g);
 } cardan_field_family;
 
 #ifdef __cplusplus

@@ -78,6 +78,12 @@ constexpr cardan_param_desc in_range(cardan_param_desc desc, double lower, doubl
   desc.lower = lower, desc.upper = upper, desc.flags |= ends;
   return desc;
 }
+/// Of a vector: one number may stand for all three.
+constexpr cardan_param_desc of_each(cardan_param_desc desc) {
+  desc.flags |= CARDAN_EACH;
+  for (double& x : desc.fallback) x = desc.fallback[0];
+  return desc;
+}
 /// The choice among texts, the columns of a table.
 template <std::size_t n>
 constexpr cardan_param_desc named(cardan_param_desc desc, const char* const (&names)[n]) {

@@ -52,8 +52,9 @@ concept FollowsTangents = requires(const typename F::Packed& p, const FieldPoint
   noexcept;
 };
 
-/// `schema`, `limits`, `distance`, `Prepared` with `prepare(packed, t, prepared)`, `beyond(packed, point)` (bits of limits) may be left
-/// out. With `packed_size(params)`, in bytes, pack(params, packed) may write behind the Packed that it is handed.
+/// `schema`, `limits`, `distance`, `Prepared` with `prepare(packed, t, prepared)`, `beyond(packed, point)` (bits of limits),
+/// `n_edges(packed)` with `edges(packed, point, g)` may be left out. With `packed_size(params)`, in bytes, pack(params, packed) may write
+/// behind the Packed that it is handed.
 template <class F>
 concept FieldFamily = requires {
   { F::type } -> std::convertible_to<std::string_view>;
@@ -115,6 +116,16 @@ const cardan_field_family& field_table() {
       t.pack = [](const cardan_param_values* values, void* packed) { return F::pack(Params(values), *new (packed) P{}) ? 0 : 1; };
     }
     t.evaluate = &detail::evaluate_field<F>;
+    if constexpr (requires(const P& p) { F::n_edges(p); })
+      t.edges = [](const cardan_field_args* a, const double* point, double* g) -> std::uint32_t {
+        const P& p = *static_cast<const P*>(a->packed);
+        if (g)
+          F::edges(p,
+                   FieldPoint<F, double>{
+                       a->t, {point[0], point[1], point[2]}, static_cast<decltype(FieldPoint<F, double>::prepared)>(a->prepared)},
+                   g);
+        return F::n_edges(p);
+      };
     if constexpr (requires { typename F::Prepared; }) {
       t.prepared_size = sizeof(typename F::Prepared);
       t.prepare = [](double time, const void* packed, void* prepared) {

@@ -81,6 +81,7 @@ class FieldLaws {
     law(kLeaves, handed == points, "evaluate changes its arguments");
     pure(t, points, all);
     for (int k = 0; k < (is_of_time(f_.quantity) ? 1 : kPoints); ++k) one(t, {points.begin() + 3 * k, points.begin() + 3 * k + 3}, k, all);
+    if (f_.edges) edges(t, points);
     if (f_.facts & CARDAN_FIELD_STEADY) {
       if (!prepare(t + 321.5)) return true;
       const Given later = evaluate(t + 321.5, points);
@@ -103,7 +104,7 @@ class FieldLaws {
                               *kUnit = "an attitude is a unit quaternion",
                               *kNoPotential = "gravity without CARDAN_FIELD_POTENTIAL has 0 for its potential",
                               *kGradient = "gradients are the derivatives of values", *kPotential = "a = -grad U", *kDivergence = "div = 0",
-                              *kCurl = "curl = 0";
+                              *kCurl = "curl = 0", *kEdges = "edges are finite functions of place and time, as many as are told";
 
   static constexpr int kPoints = 3;
   struct Given {
@@ -127,6 +128,7 @@ class FieldLaws {
     of(kPotential, potential, "CARDAN_FIELD_POTENTIAL is not declared");
     of(kDivergence, source_free(), "CARDAN_FIELD_SOURCE_FREE is not declared");
     of(kCurl, curl_free(), "neither CARDAN_FIELD_CURL_FREE nor a potential is declared");
+    of(kEdges, f_.edges, "it has none");
   }
   bool source_free() const { return (f_.facts & CARDAN_FIELD_SOURCE_FREE) != 0 || f_.quantity == CARDAN_MAGNETIC; }
   bool curl_free() const { return (f_.facts & (CARDAN_FIELD_CURL_FREE | CARDAN_FIELD_POTENTIAL)) != 0; }
@@ -230,6 +232,24 @@ class FieldLaws {
     ++taken_;
     values(y);
     if (!is_of_time(f_.quantity) && y.beyond == 0) derivatives(t, x, y);
+  }
+
+  void edges(double t, const std::vector<double>& points) {
+    before_("edges");
+    const cardan_field_args a{sizeof a, t, packed_.data(), f_.prepare ? prepared_.data() : nullptr};
+    const std::uint32_t n = f_.edges(&a, nullptr, nullptr);
+    law(kEdges, n <= CARDAN_FIELD_EDGES, fmt::format("edges tells {}, expected at most {}", n, +CARDAN_FIELD_EDGES));
+    if (n > CARDAN_FIELD_EDGES) return;
+    const std::vector<double> packed = packed_, prepared = prepared_;
+    for (int k = 0; k < kPoints; ++k) {
+      Handed first(n), second(n);
+      law(kEdges, f_.edges(&a, points.data() + 3 * k, first.data()) == n && f_.edges(&a, points.data() + 3 * k, second.data()) == n,
+          "edges tells another number with values");
+      law(kWrites, first.intact() && second.intact(), "edges writes beyond its array");
+      law(kEdges, std::all_of(first.data(), first.data() + n, [](double g) { return std::isfinite(g); }), "edges gives what is not finite");
+      law(kPure, std::memcmp(first.data(), second.data(), n * sizeof(double)) == 0, "edges gives other numbers at the second call");
+    }
+    law(kLeaves, packed == packed_ && prepared == prepared_, "edges changes its arguments");
   }
 
   void values(const Given& y) {

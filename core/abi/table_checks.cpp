@@ -48,8 +48,9 @@ void TableChecks::parameter(const std::string& member, const cardan_param_desc& 
   text(member + "name", p.name, true);
   text(member + "meaning", p.meaning, false);
   expect(p.kind <= CARDAN_TABLE, member + "kind", fmt::format("{}, expected one of cardan_param_kind", p.kind));
-  expect(p.flags <= (CARDAN_REQUIRED | CARDAN_ABOVE | CARDAN_BELOW), member + "flags",
+  expect(p.flags <= (CARDAN_REQUIRED | CARDAN_ABOVE | CARDAN_BELOW | CARDAN_EACH), member + "flags",
          fmt::format("{}, expected those of cardan_param_flag", p.flags));
+  expect((p.flags & CARDAN_EACH) == 0 || p.kind == CARDAN_VECTOR, member + "flags", "CARDAN_EACH, which is of a vector alone");
   expect(p.count <= kMostVectors, member + "count", fmt::format("{}, expected at most {}", p.count, kMostVectors));
   const bool columns = p.kind == CARDAN_TABLE, choice = p.kind == CARDAN_CHOICE;
   if (!(columns && p.units) && p.kind != CARDAN_TEXT && p.kind != CARDAN_TRUTH && !choice && p.kind != CARDAN_FILE)

@@ -91,6 +91,8 @@ class DeviceForces : public StateLoads<double> {
   double unseen_power() const;
   /// Where something happens: Devices::n_roots numbers.
   void roots(double* g) const;
+  /// Where fields have corners, after look_at(): Devices::n_edges numbers.
+  void edges(double* g) { fields_.edges(time(), motions_, g); }
   /// Lets a device change its states and marks; root = its n_roots: the start.
   void event(int device, std::uint32_t root, int direction, double* z, double* marks) const;
   /// The sampled part of a device at mounts that move as they do now; false: fault() tells why.

@@ -177,6 +177,16 @@ bool FieldsOfDevices::look(double t, bool in_steps, std::vector<cardan_mount_mot
   return true;
 }
 
+void FieldsOfDevices::edges(double t, const std::vector<cardan_mount_motion>& motions, double* g) {
+  for (const FieldEdges& e : model_.devices.edges) {
+    const FieldSource& f = *model_.fields[e.field].source;
+    asked_ = e.field;
+    const cardan_field_args args{sizeof args, t, f.packed.data(), moments_.at(e.field, t).prepared};
+    f.family->edges(&args, motions[e.mount].position, g + e.first);
+    asked_ = -1;
+  }
+}
+
 void FieldsOfDevices::look_along(double t, bool in_steps, const std::vector<cardan_mount_motion>& motions,
                                  std::vector<cardan_mount_motion>& rates) {
   for (const Group& group : groups_) {

@@ -57,6 +57,8 @@ class FieldsOfDevices {
   /// or of the others. False: beyond what a field knows, or no number. Beyond a limit that is refused but could be held the value is that
   /// of its end, and passed_limit() tells: a step that is tried may go there, a motion may not.
   bool look(double t, bool in_steps, std::vector<cardan_mount_motion>& motions, FieldFault& fault);
+  /// Of Devices::edges, Devices::n_edges numbers, where the nodes of `motions` are now.
+  void edges(double t, const std::vector<cardan_mount_motion>& motions, double* g);
   /// The derivative of that into `rates`, along the rates of the nodes that stand there.
   void look_along(double t, bool in_steps, const std::vector<cardan_mount_motion>& motions, std::vector<cardan_mount_motion>& rates);
   /// Index of the field whose function threw, if one did; else -1.

@@ -96,6 +96,29 @@ LoopRank loop_rank(const Model& model, Workspace& ws, const double* q, const Loo
   return {model.loops.rows, work.rank, {work.row_at.begin() + work.rank, work.row_at.end()}, work.smallest, work.largest, distance};
 }
 
+void tell_singular_posture(const Model& model, const soa::Breakdown& bad, double t, const double* q, const LoopDrive* drives,
+                           RunFailure& failure) {
+  if (bad.row < 0) return;
+  Workspace ws(model);
+  make_room_for_loops(model, ws);
+  const LoopRank rank = loop_rank(model, ws, q, drives);
+  const bool fewer = rank.rank < model.loops.rank && !holds_loops(model, *ws.loops);
+  const double pivot = fewer ? rank.largest : rank.smallest;
+  if (!(pivot < kNearSingular)) return;
+  const Loop& loop = *std::ranges::find_if(model.loops.all, [&](const Loop& l) { return bad.row < l.first + l.rows; });
+  std::string at;
+  for (const UserBody& u : model.user)
+    for (int i = 0; i < u.nv && u.nq == u.nv; ++i)
+      if (const auto k = static_cast<std::size_t>(i); std::ranges::binary_search(loop.rates, u.v + i))
+        at += fmt::format("{}{}.{} = {:.6g} {}", at.empty() ? "" : ", ", u.name, u.q_names[k], q[u.q + i], u.q_units[k]);
+  failure.what +=
+      fmt::format(", at a singular posture: a scaled pivot of {:.2g} at t = {:.6g} s{}{}", pivot, t, at.empty() ? "" : ", ", at);
+  failure.hint =
+      "a row of the loops holds nothing there, and a step ended there, for a row of output, a tick, an event or a change of the vehicle: "
+      "let "
+      "that fall beside it (`between_steps` of `output` ends no step for rows). Loops that begin or rest there have no way of their own";
+}
+
 Eigen::MatrixXd loop_matrix(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives) {
   loop_rank(model, ws, q, drives);
   return Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(ws.loops->G.data(), model.loops.rows,

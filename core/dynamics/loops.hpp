@@ -71,6 +71,12 @@ struct LoopFreedom {
   Eigen::MatrixXd X, G_D_inverse;           // ... and the inverse of G of these rows and dependent components
 };
 LoopFreedom loop_freedom(const Model& model, Workspace& workspace, const double* q, const LoopDrive* drives = nullptr);
+/// A scaled pivot below is that of a posture near a singular one: of loops in good postures they are above 0.05.
+inline constexpr double kNearSingular = 1e-3;
+/// What the breakdown of a row (N0601) was at q [nq] and t [s], where that is a singular posture: its pivot and the coordinates of the loop
+/// go to `failure`, with what leads there. Else nothing. Allocates.
+void tell_singular_posture(const Model& model, const soa::Breakdown& breakdown, double t, const double* q, const LoopDrive* drives,
+                           RunFailure& failure);
 /// G, rows x nv.
 Eigen::MatrixXd loop_matrix(const Model& model, Workspace& workspace, const double* q, const LoopDrive* drives = nullptr);
 /// c and G of all rows, each over the size of its loop: pure numbers.

@@ -312,12 +312,34 @@ class DeviceCompiler {
             giver.acts = true;
           });
     }
+    for (const Device& d : devices_.all)
+      for (const DeviceMount& m : d.mounts)
+        if (d.acts && m.field >= 0 && m.at >= 0 && (d.mounts[static_cast<std::size_t>(m.at)].use & CARDAN_USE_ACCELERATION) == 0)
+          find_edges(d, m);
     // What does not act is looked at between steps alone, as is what a mount reads at ticks.
     for (const Device& d : devices_.all)
       for (const DeviceMount& m : d.mounts) {
         const bool in_steps = d.acts && (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0 && (m.use & CARDAN_USE_ACCELERATION) == 0;
         if (m.node >= 0 && (in_steps || d.family->follow)) devices_.reads_nodes = true;
       }
+  }
+
+  /// The user body on the ground that carries a node.
+  int root_of(int node) const {
+    int body = model_.nodes[static_cast<std::size_t>(node)].body;
+    while (model_.user[static_cast<std::size_t>(body)].parent >= 0) body = model_.user[static_cast<std::size_t>(body)].parent;
+    return body;
+  }
+  void find_edges(const Device& d, const DeviceMount& m) {
+    const FieldSource& f = *model_.fields[static_cast<std::size_t>(m.field)].source;
+    const int node = d.mounts[static_cast<std::size_t>(m.at)].node;
+    if (!f.family->edges || node < 0) return;
+    if (!edges_known_.emplace(m.field, root_of(node)).second) return;
+    const cardan_field_args args{sizeof args, 0.0, f.packed.data(), f.prepared.empty() ? nullptr : f.prepared.data()};
+    const int n = static_cast<int>(f.family->edges(&args, nullptr, nullptr));
+    if (n == 0) return;
+    devices_.edges.push_back({m.field, d.mount + m.at, devices_.n_edges, n});
+    devices_.n_edges += n;
   }
 
   /// "gyro.rate_x", or a sum: "left.flow + right.flow".
@@ -642,6 +664,7 @@ class DeviceCompiler {
   std::map<std::pair<int, int>, Heard> heard_;
   std::set<std::string> refused_;  // places of the file, with what was given there
   Devices devices_;
+  std::set<std::pair<int, int>> edges_known_;  // fields, and the root of the vehicle where they are read
   bool complete_ = true;
 };
 

@@ -131,6 +131,12 @@ struct MassFlow {
 struct DeviceHold {
   int device = 0, v = 0;
 };
+/// Corners of a field that end steps, where a device that acts reads it: one place for each field and vehicle, as edges lie a step apart
+/// and mounts of one vehicle do not.
+struct FieldEdges {
+  int field, mount;  // index into Model::fields; of all mounts, the node
+  int first, n;      // of Devices::n_edges
+};
 /// A further output that is added to an input.
 struct AddedOutput {
   int in, out;
@@ -169,6 +175,8 @@ struct Devices {
   std::vector<VaryingBody> varying;  // the bodies that carry them
   std::vector<MassFlow> flows;
   std::vector<DeviceHold> holds;          // in the order of devices
+  std::vector<FieldEdges> edges;          // in the order of devices
+  int n_edges = 0;                        // functions of all of them
   int find(std::string_view name) const;  // -1 if unknown
   bool is_commanded(int input) const;     // by scripts: no device gives it anything, at once or later
   /// visit(output) for each that input `in` is given.

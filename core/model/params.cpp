@@ -18,6 +18,7 @@ namespace {
 
 bool is_unit_kind(const cardan_param_desc& d) { return d.kind == CARDAN_UNIT_VECTOR || d.kind == CARDAN_UNIT_VECTORS; }
 bool is_one_vector(const cardan_param_desc& d) { return d.kind == CARDAN_VECTOR || d.kind == CARDAN_UNIT_VECTOR; }
+bool takes_each(const cardan_param_desc& d) { return d.kind == CARDAN_VECTOR && (d.flags & CARDAN_EACH) != 0; }
 
 constexpr std::uintmax_t kMostFileBytes = std::uintmax_t{1} << 30;  // of a file that is a parameter, all of it in memory
 
@@ -121,6 +122,7 @@ class Checker {
 
   void read_numbers(const cardan_param_desc& desc, const ParamValue& value) {
     std::vector<double> numbers = as_given(value);
+    if (takes_each(desc) && numbers.size() == 1) numbers.resize(3, numbers[0]);
     if (!count_fits(desc, numbers.size())) return;
     if (!std::all_of(numbers.begin(), numbers.end(), [](double x) { return std::isfinite(x); }))
       return fault(Code::out_of_range, desc.name, "finite numbers", "a value that is not finite");
@@ -156,6 +158,7 @@ class Checker {
     const std::size_t wanted = one ? 1 : is_one_vector(desc) ? 3 : table ? 0 : 3 * std::size_t{desc.count};
     if (got > 0 && (wanted > 0 ? got == wanted : got % (table ? desc.count : 3u) == 0)) return true;
     const std::string expected = one                   ? "one number"
+                                 : takes_each(desc)    ? "a vector of 3 numbers, or one for all"
                                  : is_one_vector(desc) ? "a vector of 3 numbers"
                                  : table               ? "rows of " + columns(desc)
                                  : wanted > 0          ? fmt::format("a list of {} vectors of 3 numbers", desc.count)
@@ -351,7 +354,10 @@ void read_params(MapReader& map, ParamSchema schema, ParamValues& params) {
         break;
       case CARDAN_VECTOR:
       case CARDAN_UNIT_VECTOR:
-        param.value = read_numbers(*value, desc.unit, 3, context);
+        if (takes_each(desc) && value->node->kind == DocNode::Kind::scalar)
+          param.value = read_number(*value, desc.unit, context);
+        else
+          param.value = read_numbers(*value, desc.unit, 3, context);
         break;
       default:
         read_vectors(*value, desc, param, context);

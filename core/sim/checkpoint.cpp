@@ -21,7 +21,8 @@ void Simulation::remember(Archive& a) {
   for (PrescribedLoop& p : prescribed_loops_) a(p.profile, p.given, p.t_0, p.more_0);
   a.block("schedule")(schedule_);
   if (a.reading() && !schedule_.stands_at(state_.t)) a.wrong("ticks of another time than that of the state");
-  a.block("run")(steps_, last_output_, warned_stiff_, std::span(event_times_), events_seen_, limited_steps_, t_limited_);
+  a.block("run")(steps_, last_output_, warned_stiff_, std::span(event_times_), events_seen_, limited_steps_, t_limited_, nearest_.pivot,
+                 nearest_.t);
   a.block("history")(history_);
   a.block("ledger")(balances_);
   a.block("warnings")(warnings_);

@@ -39,7 +39,8 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
   }
   const State start = model->initial_state();
   const FastestMotion fastest = fastest_motion(model, start.q.data());
-  const double ticks = interval, corners = interval_of_device_corners(*model, kWithoutTicks);
+  const auto [corners, as_commanded] = device_corners(*model, kWithoutTicks);
+  const double ticks = interval;
   interval = std::min(ticks, corners);
   const double span = std::min(interval, kWithoutTicks), angle = fastest.rate * span;
   const std::string told = fastest.decays ? fmt::format("{} decays at {:.3g} 1/s", fastest.what, fastest.rate)
@@ -52,7 +53,9 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
   const std::string not_linear = standard ? VehicleLinearPart::refusal(*model) : name_of(dynamics) + " dynamics";
   if (angle > kAngle && not_linear.empty() && asked.relative_tolerance >= kFine) {
     method = "exponential";
-    out.why = told + often + ": it is advanced in closed form";
+    out.why = told + often + ": it is advanced in closed form" +
+              (as_commanded ? "; where a mission commands a device that ends steps (a stepper without `rate_limit`) often, dopri5 is faster"
+                            : "");
   } else if (fastest.decays && fastest.rate > kStiff && model->loops.empty()) {
     method = "cvode_bdf";
     if (model->nq + model->nv > kDense && asked.linear_solver.empty() && standard) out.options.linear_solver = "krylov";

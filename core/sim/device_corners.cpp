@@ -1,5 +1,6 @@
 #include "core/sim/device_corners.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <vector>
@@ -13,12 +14,14 @@ namespace {
 constexpr double kNever = std::numeric_limits<double>::infinity();
 constexpr int kEnough = 100;     // corners to tell how often they come
 constexpr double kAhead = 1e-6;  // of the span: over which roots are differenced
+constexpr double kLarge = 1e6;   // a command of which a device that has a limit takes no more
 
-}  // namespace
-
-double interval_of_device_corners(const Model& model, double span) {
-  if (model.devices.n_roots == 0) return kNever;
+/// `large`: what devices with roots are commanded; 0: what the vehicle file says.
+double interval_with(const Model& model, double span, double large) {
   DeviceForces devices(model);
+  for (const Device& d : model.devices.all)
+    for (int in = d.in; large > 0.0 && d.family->n_roots > 0 && in < d.in + d.n_in; ++in)
+      if (model.devices.is_commanded(in)) devices.commands[static_cast<std::size_t>(in)] = large;
   State s = model.initial_state();
   std::vector<double> g(static_cast<std::size_t>(model.devices.n_roots)), ahead(g.size());
   double t = 0.0, first = 0.0;
@@ -64,6 +67,15 @@ double interval_of_device_corners(const Model& model, double span) {
   } catch (const std::exception&) {  // a plugin, or a field that knows nothing there: the run says so
   }
   return corners < 2 ? kNever : corners < kEnough ? span / corners : (t - first) / (corners - 1);
+}
+
+}  // namespace
+
+DeviceCorners device_corners(const Model& model, double span) {
+  if (model.devices.n_roots == 0) return {kNever, false};
+  const double as_given = interval_with(model, span, 0.0), at_most = interval_with(model, span, kLarge);
+  if (at_most < 0.5 * interval_with(model, span, 0.1 * kLarge)) return {as_given, true};
+  return {std::min(as_given, at_most), false};
 }
 
 }  // namespace cardan

@@ -4,10 +4,13 @@
 
 namespace cardan {
 
-/// [s] Mean time between two such instants in the first `span` [s] of a run, infinite where there are fewer than two: crossings of the
-/// roots of devices as time passes and their own states move at the rates of the start, with mounts that stand still there and the inputs
-/// of the vehicle file. Rows of a record and steps of a drive that turns count; what hangs on the motion (touches, slack) and on commands
-/// of a mission is not known yet.
-double interval_of_device_corners(const Model& model, double span);
+struct DeviceCorners {
+  double interval;    // [s] mean time between two such instants, infinite where there are fewer than two
+  bool as_commanded;  // a mission may make it as short as it likes, by commands that have no limit
+};
+/// In the first `span` [s] of a run: crossings of the roots of devices as time passes and their own states move at the rates of the start,
+/// with mounts that stand still there and the inputs of the vehicle file, or commands as large as there are any (a `rate_limit`). Rows of
+/// a record and steps of a drive that turns count; what hangs on the motion (touches, slack) is not known yet.
+DeviceCorners device_corners(const Model& model, double span);
 
 }  // namespace cardan

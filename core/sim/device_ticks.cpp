@@ -177,13 +177,14 @@ void Simulation::device_event(int device, std::uint32_t root, int direction) {
   if (!unless_thrown([&] { devices_->event(device, root, direction, state_.z.data(), state_.marks.data()); })) fail(explain({}));
 }
 
-/// At a trial state.
+/// At a trial state; behind what devices hold those of fields.
 void Simulation::device_roots(double t, const double* x, double* g) {
   const Model& m = *model_;
   const double *q = with_given_motion(t, x), *v = q + m.nq;
   on_trial_->set({t, v + m.nv, state_.marks.data(), nullptr, nullptr});
   on_trial_->look_at(*devices_, beside_.get(), inputs(q, v));
   on_trial_->roots(g);
+  if (m.devices.n_edges > 0) on_trial_->edges(g + m.devices.n_roots + m.devices.holds.size());
 }
 
 /// `but`: devices that have started before.

@@ -11,10 +11,9 @@ namespace cardan {
 namespace {
 
 // Of closed loops, relative to their size:
-constexpr double kDrift = 10.0;         // relative tolerances that the history of an integrator may be off before it starts anew
-constexpr double kGivenOpen = 1e-6;     // what a state that was given may be open by: typed numbers have a finite number of digits
-constexpr double kGivenDrift = 1e3;     // ... or so many relative tolerances
-constexpr double kNearSingular = 1e-3;  // a scaled pivot below is told of: of loops in good postures they are above 0.05
+constexpr double kDrift = 10.0;      // relative tolerances that the history of an integrator may be off before it starts anew
+constexpr double kGivenOpen = 1e-6;  // what a state that was given may be open by: typed numbers have a finite number of digits
+constexpr double kGivenDrift = 1e3;  // ... or so many relative tolerances
 
 double pace_of(const Eigen::VectorXd& v) { return std::max(1.0, v.size() == 0 ? 0.0 : v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>()); }
 
@@ -133,7 +132,8 @@ bool Simulation::close_loops(double t, double* q, double* v) {
   bool closed = false;
   drive_loops(t, std::min(t, stretch_), drives_);
   unless_thrown([&] { closed = loops_->close(q, v, drives_.data()); });
-  if (!closed) breakdown_ = loops_->breakdown();
+  if (!closed) breakdown_ = loops_->breakdown(), keep_broken(t, q);
+  if (closed && loops_->pivot() < nearest_.pivot) nearest_ = {loops_->pivot(), t};
   if (closed && loops_->pivot() < kNearSingular)
     tell_near_singular(fmt::format("has a scaled pivot of {:.2g}, below {:g}", loops_->pivot(), kNearSingular));
   drifted_ = drifted_ || loops_->drift() > kDrift * options_.integrator.relative_tolerance;
@@ -165,6 +165,7 @@ void Simulation::start_closed() {
   const double open = prescribed_.empty() && drives_.empty() ? std::max(loops_->distance(), loops_->rate() / pace) : loops_->distance();
   if (!(open <= limit)) {
     breakdown_ = {.body = 1, .value = open, .limit = limit, .row = loops_->worst()};
+    keep_broken(state_.t, state_.q.data());
     fail(explain({}));
   }
   drifted_ = false;

@@ -59,7 +59,10 @@ void Simulation::find_jump() {
                   .vdot = impulse_.rest.data(),
                   .wrenches = impulse_.wrenches,
                   .gravity = false};
-  if (!forward_dynamics(m, workspace_, in, impulse_.jump.data())) fail(describe_breakdown(m, workspace_.breakdown, state_.t));
+  if (forward_dynamics(m, workspace_, in, impulse_.jump.data())) return;
+  RunFailure failure = describe_breakdown(m, workspace_.breakdown, state_.t);
+  tell_singular_posture(m, workspace_.breakdown, state_.t, state_.q.data(), drives_.data(), failure);
+  fail(std::move(failure));
 }
 
 void Simulation::jump(const std::string& by) {

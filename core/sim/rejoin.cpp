@@ -78,8 +78,11 @@ class Rejoining {
       for (const Loop& loop : model->loops.all)
         if (const LoopDrive* drive = drive_of(loop.name); loop.drive >= 0 && drive)
           drives[static_cast<std::size_t>(loop.drive)] = {0.0, drive->rate, drive->acceleration};
-      if (LoopProjection projection(weighed); !projection.close(state.q.data(), state.v.data(), drives.data()))
-        throw NumericsError(describe_breakdown(weighed, projection.breakdown(), state.t));
+      if (LoopProjection projection(weighed); !projection.close(state.q.data(), state.v.data(), drives.data())) {
+        RunFailure f = describe_breakdown(weighed, projection.breakdown(), state.t);
+        tell_singular_posture(weighed, projection.breakdown(), state.t, state.q.data(), drives.data(), f);
+        throw NumericsError(std::move(f));
+      }
     }
     return {model, std::move(state)};
   }

@@ -47,6 +47,12 @@ void Simulation::expect_finite(const std::vector<double>& x) {
   fail(not_finite(bad, x[static_cast<std::size_t>(bad)]));
 }
 
+/// Where loops could not be kept closed, at a state that may be a trial one.
+void Simulation::keep_broken(double t, const double* q) {
+  if (breakdown_.row < 0) return;
+  t_broken_ = t, q_broken_.assign(q, q + model_->nq), drives_broken_ = drives_;
+}
+
 /// What the sweeps know about a step that the integrator gave up.
 RunFailure Simulation::explain(const RunFailure& failure) const {
   if (!thrown_.empty())
@@ -63,6 +69,7 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
             ""};
   if (breakdown_.body != 0) {
     RunFailure f = describe_breakdown(*model_, breakdown_, state_.t);
+    if (breakdown_.row >= 0) tell_singular_posture(*model_, breakdown_, t_broken_, q_broken_.data(), drives_broken_.data(), f);
     if (!std::isfinite(breakdown_.value)) f.code = Code::not_finite;
     if (!culprit_.empty()) f.hint = culprit_;
     return f;

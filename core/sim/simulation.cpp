@@ -103,7 +103,7 @@ void Simulation::build() {
   resolve_delays();
   last_set_.assign(m.devices.timeouts.size(), 0.0);
   if (!m.devices.holds.empty()) holding_ = std::make_unique<Holding>(m, own_.get());
-  if (m.devices.n_roots == 0) return;
+  if (m.devices.n_roots == 0 && m.devices.n_edges == 0) return;
   on_trial_ = std::make_unique<DeviceForces>(m);
   if (m.devices.reads_nodes) {
     beside_ = std::make_unique<Workspace>(m);
@@ -379,7 +379,7 @@ OdeProblem Simulation::ode() {
     std::fill_n(ode.group.begin() + m.nq + b.etadot, b.n_modes, 1);
   }
   std::fill_n(ode.group.begin() + m.nq + m.nv, m.devices.n_z, 2);
-  ode.n_roots = n_roots();
+  ode.n_roots = n_roots(), ode.n_corners = m.devices.n_edges;
   if (ode.n_roots > 0) ode.roots = [this](double t, const double* x, double* g) { roots(t, x, g); };
   twin_.reset();
   if (options_.dynamics == Dynamics::dense) {
@@ -456,19 +456,20 @@ void Simulation::project(double t, double* x) {
 }
 
 int Simulation::n_roots() const {
-  return static_cast<int>(events_.size() + limits_.size() + model_->devices.holds.size()) + model_->devices.n_roots;
+  const Devices& d = model_->devices;
+  return static_cast<int>(events_.size() + limits_.size() + d.holds.size()) + d.n_roots + d.n_edges;
 }
 
-// Of events, stops, devices and what they hold: functions whose sign changes are located.
+// Of events, stops, devices, what they hold and fields that they read: functions whose sign changes are located.
 void Simulation::roots(double t, const double* x, double* g) {
   for (std::size_t i = 0; i < events_.size(); ++i) g[i] = events_[i].function(t, x, x + model_->nq);
   for (std::size_t i = 0; i < limits_.size(); ++i) g[events_.size() + i] = x[limits_[i].q] - limits_[i].value;
   double* of_devices = g + events_.size() + limits_.size();
   const bool known = unless_thrown([&] {
-    if (model_->devices.n_roots > 0) device_roots(t, x, of_devices);
+    if (on_trial_) device_roots(t, x, of_devices);
     if (holding_) hold_roots(t, x, of_devices + model_->devices.n_roots);
   });
-  if (!known) std::fill_n(of_devices, static_cast<std::size_t>(model_->devices.n_roots) + model_->devices.holds.size(), 1.0);
+  if (!known) std::fill_n(of_devices, static_cast<std::size_t>(n_roots()) - events_.size() - limits_.size(), 1.0);
 }
 
 // Loads and forces at (t, q, v), of devices too, without dynamics.
@@ -623,10 +624,20 @@ LedgerState Simulation::ledger() {
     return ledger_;
   }
   for (const auto& [name, sentence] : balances_.beyond(integrator_name()))
-    warn(Code::ledger_residual, {fmt::format("ledger of {}", name), {}}, sentence,
-         "a hinge or body of a plugin whose laws do not fit together, a state that was changed in the run, or a step too large "
-         "(docs/mathematics/integration.md)");
+    warn(Code::ledger_residual, {fmt::format("ledger of {}", name), {}}, sentence, why_open());
   return ledger_;
+}
+
+/// What may have opened a balance, of what this run has.
+std::string Simulation::why_open() const {
+  if (nearest_.pivot < kInBalances)
+    return fmt::format(
+        "closed loops came near a singular posture (a scaled pivot of {:.2g} at t = {:.6g} s), where reactions and the direction of motion "
+        "are "
+        "known less well, or a step too large: let no output, tick or event fall there (docs/mathematics/loops.md, 7)",
+        nearest_.pivot, nearest_.t);
+  return fmt::format("{}a state that was changed in the run, or a step too large (docs/mathematics/integration.md)",
+                     plugins_ ? "a hinge or body of a plugin whose laws do not fit together, " : "");
 }
 
 void Simulation::write_outputs() {

@@ -279,6 +279,7 @@ class Simulation {
   /// After a step, where the loops are near a posture in which a row of them holds nothing.
   void pass_singular_posture(double t_stop);
   void tell_near_singular(const std::string& what);
+  void keep_broken(double t, const double* q);
   void start_closed();
   bool device_events(std::span<const int> crossed);
   void sample_devices(bool late);
@@ -315,6 +316,7 @@ class Simulation {
   void tick();
   void look_inside(double t_end);
   void handle_events(std::span<const int> crossed);
+  std::string why_open() const;
   void write_outputs();
   double next_corner() const;
   void begin_ledger();
@@ -482,6 +484,12 @@ class Simulation {
   bool observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
   bool rates_were_set_ = false;  // from outside, since settle_holds()
   soa::Breakdown breakdown_;
+  double t_broken_ = 0.0;                 // [s] of a row of loops: where ...
+  std::vector<double> q_broken_;          // ... it was
+  std::vector<LoopDrive> drives_broken_;  // likewise
+  struct {
+    double pivot = 1.0, t = 0.0;
+  } nearest_;              // of closed loops: to a singular posture, in the run
   int bad_rate_ = -1;      // index into v' of a value that is not finite, in the last step
   double vdot_bad_ = 0.0;  // that value
   std::string culprit_;    // the plugin that gave no number there; empty: none did

@@ -108,8 +108,10 @@ void Simulation::step(double t_stop) {
     const auto [corners, devices] =
         std::pair(report.crossed.subspan(events_.size(), limits_.size()), report.crossed.subspan(events_.size() + limits_.size()));
     bounce(corners);
-    if (device_events(devices) || std::ranges::any_of(corners, [](int side) { return side != 0; }))
-      start_anew_for(RestartCause::event);  // a stop begins or ends to push, a device changed: a corner
+    const auto crossed = [](int side) { return side != 0; };
+    const auto edges = report.crossed.last(static_cast<std::size_t>(model_->devices.n_edges));
+    if (device_events(devices) || std::ranges::any_of(corners, crossed) || std::ranges::any_of(edges, crossed))
+      start_anew_for(RestartCause::event);  // a stop begins or ends to push, a device changed, a shadow begins: a corner
   }
   // v' of a prescribed motion jumps at a corner; the history of a multi-step method is not on closed loops.
   if (report.t == corner) start_anew_for(RestartCause::corner);
@@ -164,6 +166,7 @@ bool Simulation::evaluate(double t, double since, const double* x, double* vdot)
   if (devices_) devices_->set({t, v + model_->nv, state_.marks.data(), tau_total_.data(), wrenches_.data()});
   if (!forward_dynamics(*model_, workspace_, inputs(q, v), vdot, devices_.get())) {
     breakdown_ = workspace_.breakdown;
+    keep_broken(t, q);
     culprit_ = plugin_at_fault(*model_, q, v);
     if (gravity_stopped_.empty()) gravity_stopped_ = told_of_gravity();
     return false;

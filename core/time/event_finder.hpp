@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "core/time/methods.hpp"
@@ -16,6 +17,7 @@ class EventFinder {
   explicit EventFinder(const OdeProblem& problem)
       : problem_(problem),
         n_(static_cast<std::size_t>(problem.n_roots)),
+        first_corner_(n_ - static_cast<std::size_t>(problem.n_corners)),
         g_begin_(n_),
         g_end_(n_),
         g_(n_),
@@ -40,6 +42,11 @@ class EventFinder {
   /// true: t_end becomes the time of the event, crossed() the directions.
   template <class StateAt>
   bool find(double& t_end, StateAt&& state_at) {
+    return find(t_end, state_at, state_at);
+  }
+  /// `near_at(t)`: the state as corners are located by, which may be less accurate.
+  template <class StateAt, class NearAt>
+  bool find(double& t_end, StateAt&& state_at, NearAt&& near_at) {
     constexpr double eps = std::numeric_limits<double>::epsilon();
     const double resolution = std::max(1e-13 * (t_end - t_), 4.0 * eps * std::abs(t_end));
     const double window = 100.0 * resolution;
@@ -51,7 +58,9 @@ class EventFinder {
     double first = kNever;
     for (std::size_t i = 0; i < n_; ++i) {
       const bool crosses = g_begin_[i] != 0.0 && sign(g_begin_[i]) != sign(g_end_[i]);
-      t_cross_[i] = crosses ? locate(i, t_end, resolution, state_at) : kNever;
+      t_cross_[i] = !crosses            ? kNever
+                    : i < first_corner_ ? locate(i, t_end, resolution, state_at)
+                                        : locate(i, t_end, std::max(resolution, kCorner * (t_end - t_)), near_at);
       first = std::min(first, t_cross_[i]);
     }
     if (first == kNever) {
@@ -64,7 +73,7 @@ class EventFinder {
       if (t <= first + window) t_event = std::max(t_event, t);
     for (std::size_t i = 0; i < n_; ++i) {
       crossed_[i] = t_cross_[i] <= t_event ? -sign(g_begin_[i]) : 0;
-      quiet_[i] = crossed_[i] != 0;
+      quiet_[i] = static_cast<char>(crossed_[i]);
     }
     quiet_until_ = t_event + window;
     t_ = t_end = t_event;
@@ -74,6 +83,7 @@ class EventFinder {
 
  private:
   static constexpr double kNever = std::numeric_limits<double>::infinity();
+  static constexpr double kCorner = 1e-6;  // of the step: how near to a corner it ends
 
   static int sign(double g) { return (g > 0.0) - (g < 0.0); }
 
@@ -89,6 +99,9 @@ class EventFinder {
   template <class StateAt>
   void leave_zero(double t_quiet, double t_end, StateAt& state_at) {
     bool evaluated = false;
+    for (std::size_t i = first_corner_; i < n_; ++i)  // on the side to which it passed, or nearly
+      if (const char side = std::exchange(quiet_[i], 0); side * g_begin_[i] < 0.0 || (side != 0 && g_begin_[i] == 0.0))
+        g_begin_[i] = side * std::numeric_limits<double>::min();
     for (std::size_t i = 0; i < n_; ++i) {
       const bool starts_at_zero = g_begin_[i] == 0.0 && g_end_[i] != 0.0;
       if (!quiet_[i] && !starts_at_zero) continue;
@@ -128,7 +141,7 @@ class EventFinder {
   }
 
   const OdeProblem& problem_;
-  std::size_t n_;
+  std::size_t n_, first_corner_;  // those from here on are corners
   double t_ = 0.0, quiet_until_ = -kNever;
   std::vector<double> g_begin_, g_end_, g_, t_begin_, t_cross_;
   std::vector<int> crossed_;

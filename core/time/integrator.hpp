@@ -129,6 +129,8 @@ struct OdeProblem {
   /// Event functions: `roots(t, x, g)` fills n_roots values; a sign change is located. May be empty.
   int n_roots = 0;
   std::function<void(double t, const double* x, double* g)> roots;
+  /// The last of them are corners of f: nothing happens there but that a step ends near.
+  int n_corners = 0;
   // For the linear solver "krylov" alone, J = df/dx; each may be empty. false: as with rhs.
   /// J dx at (t, x); empty: a difference quotient, one more evaluation of f each.
   std::function<bool(double t, const double* x, const double* dx, double* J_dx)> jacobian_times;

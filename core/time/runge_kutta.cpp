@@ -505,8 +505,14 @@ class RungeKutta final : public Integrator {
       if (t != t1_) must_step(t);
       return z1_.data();
     };
+    const auto inside = [this, whole = t1_](double t) {
+      if (t1_ != whole) must_step(whole);
+      dense_output(t);
+      if (problem_.project) problem_.project(t, work_.data());
+      return work_.data();
+    };
     double t = t1_;
-    if (events_.find(t, state_at)) {
+    if (events_.find(t, state_at, inside)) {
       report.event = true;
       report.crossed = events_.crossed();
     }

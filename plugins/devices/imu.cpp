@@ -60,7 +60,9 @@ struct Imu {
     for (int i = 0; i < 6; ++i) {
       const InertialSensor& s = i < 3 ? p.gyro : p.accelerometer;
       d[6 + i] = s.wandered(d[6 + i], period, first, noise[6 + i]);
-      const double read = to_steps(truth[i] + s.bias + d[6 + i] + s.noise / std::sqrt(period) * noise[i], s.step);
+      const int axis = i % 3;
+      const double seen = s.component(axis, truth + i - axis) + s.bias[axis];
+      const double read = to_steps(seen + d[6 + i] + s.noise / std::sqrt(period) * noise[i], s.step);
       d[i] = to_range(read, s.range);
       within = within && d[i] == read;
     }

@@ -83,10 +83,14 @@ struct IntegratingImu {
 
   static void tick(const Packed& p, const DeviceIn<double>& in, double period, const double* noise, double*, double* d) noexcept {
     const bool first = d[kSamples] == 0.0;
+    double grown[6];
+    for (int i = 0; i < 6; ++i) grown[i] = in.z[i] - d[kBefore + i];
     for (int i = 0; i < 6; ++i) {
       const InertialSensor& s = i < 3 ? p.gyro : p.accelerometer;
       d[kBias + i] = s.wandered(d[kBias + i], period, first, noise[6 + i]);
-      const double counted = in.z[i] - d[kBefore + i] + (s.bias + d[kBias + i]) * period + s.noise * std::sqrt(period) * noise[i];
+      const int axis = i % 3;
+      const double seen = s.component(axis, grown + i - axis);
+      const double counted = seen + (s.bias[axis] + d[kBias + i]) * period + s.noise * std::sqrt(period) * noise[i];
       const double x = first ? 0.0 : d[kRest + i] + to_range(counted, s.range * period);
       d[kGiven + i] = to_steps(x, s.step);
       d[kRest + i] = x - d[kGiven + i];

@@ -14,7 +14,7 @@ struct Stepper {
   static constexpr unsigned facts = CARDAN_FACT_INTERNAL | CARDAN_FACT_ENERGY;
   static constexpr unsigned role = CARDAN_ROLE_ACTUATOR;
   struct Packed {
-    double step, holding, detent, p, microsteps, damping;
+    double step, holding, detent, p, microsteps, damping, rate_limit;
   };
   static constexpr cardan_param_desc schema[] = {
       param::positive(param::required("step", CARDAN_NUMBER, "rad", "a full step, of the hinge")),
@@ -23,7 +23,9 @@ struct Stepper {
           param::optional("detent_torque", CARDAN_NUMBER, "N m", "the most that holds it without a field; at rest at full steps")),
       param::in_range(param::optional("microsteps", CARDAN_INTEGER, "1", "places of the field in a full step; 0: it turns evenly", 1.0),
                       0.0, 65536.0),
-      param::not_negative(param::optional("damping", CARDAN_NUMBER, "N m s/rad", "of the hinge"))};
+      param::not_negative(param::optional("damping", CARDAN_NUMBER, "N m s/rad", "of the hinge")),
+      param::not_negative(
+          param::optional("rate_limit", CARDAN_NUMBER, "1/s", "full steps in a second, beyond which a command is that; 0: none"))};
   static constexpr cardan_mount_desc mounts[] = {
       {"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD | CARDAN_USE_TURN | CARDAN_USE_COORDINATE, "a component of a hinge that turns"}};
   static constexpr cardan_port_desc ports[] = {{"rate", CARDAN_PORT_IN, "1/s", 0.0, 0, "full steps in a second"},
@@ -42,10 +44,16 @@ struct Stepper {
          params.number("detent_torque"),
          0.5 * std::numbers::pi / step,
          params.number("microsteps"),
-         params.number("damping")};
+         params.number("damping"),
+         params.number("rate_limit")};
     return true;
   }
 
+  template <class T>
+  static T rate_of(const Packed& p, const T& command) noexcept {
+    if (!(p.rate_limit > 0.0)) return command;
+    return command > T(p.rate_limit) ? T(p.rate_limit) : command < T(-p.rate_limit) ? T(-p.rate_limit) : command;
+  }
   template <class T>
   static T field_of(const Packed& p, const DeviceIn<T>& in) noexcept {
     return p.microsteps > 0.0 ? T(in.d[0]) : in.z[0];
@@ -55,10 +63,11 @@ struct Stepper {
     using std::sin;
     const T field = T(p.step) * field_of(p, in), q = in.at[0].q, v = in.at[0].v;
     const T held = T(-p.holding) * sin(T(p.p) * (q - field)), torque = held - T(p.detent) * sin(T(4.0 * p.p) * q) - T(p.damping) * v;
-    out.zdot[0] = in.in[0];
+    const T rate = rate_of(p, in.in[0]);
+    out.zdot[0] = rate;
     out.load[0].tau = torque;
     out.out[0] = torque, out.out[1] = field, out.out[2] = T(in.d[1]);
-    if (!(p.microsteps > 0.0)) out.delivered = held * T(p.step) * in.in[0];
+    if (!(p.microsteps > 0.0)) out.delivered = held * T(p.step) * rate;
     out.lost = T(p.damping) * v * v;
   }
   /// 1 - cos x without the difference.

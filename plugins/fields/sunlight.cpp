@@ -18,6 +18,7 @@ struct Sunlight {
   static constexpr double distance = 7e6;                                // [m] of the laws
   static constexpr double kAu = 149597870700.0, kSunRadius = 695700e3;   // [m] (IAU 2012, 2015)
   static constexpr double kEarthRadius = 6378.137e3, kDisc = 4.6524e-3;  // defaults [m], [rad]
+  static constexpr double kHalfPi = 0.5 * std::numbers::pi;
   struct Packed {
     double irradiance, radius, disc, centre[3];
     SunPlace sun;
@@ -55,6 +56,33 @@ struct Sunlight {
     return {arc_cosine(x.x), std::abs(x.x) < 1.0 ? -x.d / std::sqrt(1.0 - x.x * x.x) : 0.0};
   }
 
+  /// Angles at which a point sees things: the radii of both discs, and from one to the other.
+  template <class T>
+  struct Discs {
+    T sun, sphere, apart;
+  };
+  /// Where the Sun is from a point, what it sends there, its disc.
+  template <class T>
+  struct Sun {
+    Vec3<T> towards;
+    T irradiance, disc;
+  };
+  template <class T>
+  static Sun<T> sun_at(const Packed& p, const FieldPoint<Sunlight, T>& at) noexcept {
+    using std::sqrt;
+    if (p.sun.moves == 0) return {{T(p.sun.direction[0]), T(p.sun.direction[1]), T(p.sun.direction[2])}, T(p.irradiance), T(p.disc)};
+    const Prepared& now = *at.prepared;
+    const Vec3<T> s = Vec3<T>{T(now.sun[0]), T(now.sun[1]), T(now.sun[2])} - at.x;
+    const T square = dot(s, s), near = T(1.0) / sqrt(square);
+    return {near * s, T(p.irradiance * kAu * kAu) / square, T(kHalfPi) - arc_cosine(T(kSunRadius) * near)};
+  }
+  /// Outside of the sphere, whose centre is r away along -d.
+  template <class T>
+  static Discs<T> discs(const Packed& p, const Sun<T>& sun, const Vec3<T>& d, const T& r) noexcept {
+    const T sine = T(p.radius) / r;
+    return {sun.disc, T(kHalfPi) - arc_cosine(sine), arc_cosine(-dot(d, sun.towards) / r)};
+  }
+
   /// The part of the disc of the Sun, of apparent radius a, that a disc of radius b leaves at an angle c.
   template <class T>
   static T part_seen(const T& a, const T& b, const T& c) noexcept {
@@ -76,28 +104,32 @@ struct Sunlight {
     return 0;
   }
 
+  /// Of the penumbra, 0 without a sphere: positive where the whole disc of the Sun is seen; positive where some of it is, or some all
+  /// around.
+  static std::uint32_t n_edges(const Packed& p) noexcept { return p.radius > 0.0 ? 2 : 0; }
+  static void edges(const Packed& p, const FieldPoint<Sunlight, double>& at, double* g) noexcept {
+    const Vec3<double> d = at.x - Vec3<double>{p.centre[0], p.centre[1], p.centre[2]};
+    const double r = std::sqrt(dot(d, d));
+    g[0] = g[1] = -1.0;  // inside of the sphere
+    if (n_edges(p) == 0 || !(r > p.radius)) return;
+    const Discs<double> c = discs(p, sun_at(p, at), d, r);
+    g[0] = c.apart - (c.sun + c.sphere), g[1] = c.apart - std::abs(c.sun - c.sphere);
+  }
+
   template <class T>
   static void evaluate(const Packed& p, const FieldPoint<Sunlight, T>& at, T* light) noexcept {
     using std::sqrt;
-    Vec3<T> s{T(p.sun.direction[0]), T(p.sun.direction[1]), T(p.sun.direction[2])};
-    const T half_pi(0.5 * std::numbers::pi);
-    T irradiance(p.irradiance), disc(p.disc);
-    if (p.sun.moves != 0) {
-      const Prepared& now = *at.prepared;
-      s = Vec3<T>{T(now.sun[0]), T(now.sun[1]), T(now.sun[2])} - at.x;
-      const T square = dot(s, s), near = T(1.0) / sqrt(square);
-      s = near * s, irradiance = T(p.irradiance * kAu * kAu) / square, disc = half_pi - arc_cosine(T(kSunRadius) * near);
-    }
+    const Sun<T> sun = sun_at(p, at);
     const Vec3<T> d = at.x - Vec3<T>{T(p.centre[0]), T(p.centre[1]), T(p.centre[2])};
     const T r = sqrt(dot(d, d));
     T seen(1.0);
     if (p.radius > 0.0 && !(r > T(p.radius)))
       seen = T(0.0);  // inside of the sphere
     else if (p.radius > 0.0) {
-      const T sine = T(p.radius) / r;
-      seen = part_seen(disc, half_pi - arc_cosine(sine), arc_cosine(-dot(d, s) / r));
+      const Discs<T> c = discs(p, sun, d, r);
+      seen = part_seen(c.sun, c.sphere, c.apart);
     }
-    const Vec3<T> goes = -(irradiance * seen) * s;
+    const Vec3<T> goes = -(sun.irradiance * seen) * sun.towards;
     light[0] = goes.x, light[1] = goes.y, light[2] = goes.z;
   }
 };

@@ -39,7 +39,7 @@ std::string kind_of(const cardan_param_desc& p) {
     case CARDAN_TABLE:
       return fmt::format("rows of {}, or a CSV file", names());
     case CARDAN_VECTOR:
-      return "vector of 3";
+      return p.flags & CARDAN_EACH ? "vector of 3, or one number for all" : "vector of 3";
     case CARDAN_UNIT_VECTOR:
       return "axis, 3 numbers of any length";
     default:

@@ -411,6 +411,56 @@ TEST(Imu, ReadsRateAndSpecificForceInOrbit) {
   EXPECT_EQ(sim.statistics().restarts, 1);  // nothing that moves reads them
 }
 
+/// Each axis has its own errors: (1 + scale + skew) exp(-misalignment~), skew half of what pairs of axes lack to right angles. One number
+/// stands for all axes.
+TEST(Imu, ReadsWhatItsAxesSee) {
+  using Eigen::Matrix3d, Eigen::Vector3d;
+  const Vector3d w(0.2, -0.5, 0.3), m(0.02, -0.01, 0.3), lack(0.01, -0.02, 0.03), scale(1e-3, -2e-3, 3e-3), bias(0.01, 0.02, -0.03),
+      r(0.4, -0.2, 0.1);
+  BodySpec bus = on(rigid("bus", 100.0, {0, 0, 0}, diagonal({20, 20, 20})), "", "free");
+  bus.hinge.v = {w[0], w[1], w[2], 0, 0, 0};
+  NodeSpec node;
+  node.name = "imu", node.position = r;
+  bus.nodes = {node};
+  SystemSpec spec = system({bus});
+  spec.devices = {device("imu", "imu", {}, {{"at", "bus.imu"}})};
+  spec.devices[0].rate = 1.0;
+  const auto read = [&](const std::vector<std::pair<std::string, Vector3d>>& vectors) {
+    spec.devices[0].params.clear();
+    for (const auto& [key, x] : vectors) spec.devices[0].params[key].value = std::vector<double>{x[0], x[1], x[2]};
+    Simulation sim(compiled(spec), accurate());
+    sim.run(0.5);
+    return Eigen::Vector<double, 6>::NullaryExpr([&](Eigen::Index i) { return sim.device_output(static_cast<int>(i)); }).eval();
+  };
+  const Vector3d f = w.cross(w.cross(r));
+  const Matrix3d turn = Eigen::AngleAxisd(m.norm(), m.normalized()).toRotationMatrix().transpose();
+  Matrix3d errors = scale.asDiagonal();
+  errors(1, 2) = errors(2, 1) = 0.5 * lack[0], errors(0, 2) = errors(2, 0) = 0.5 * lack[1], errors(0, 1) = errors(1, 0) = 0.5 * lack[2];
+  const Matrix3d seen = (Matrix3d::Identity() + errors) * turn;
+  for (const std::string who : {"gyro", "accelerometer"}) {
+    const auto got = read({{who + "_misalignment", m}, {who + "_nonorthogonality", lack}, {who + "_scale", scale}, {who + "_bias", bias}});
+    const bool gyro = who == "gyro";
+    EXPECT_LE((got.head<3>() - (gyro ? Vector3d(seen * w + bias) : w)).norm(), 1e-12);
+    EXPECT_LE((got.tail<3>() - (gyro ? f : Vector3d(seen * f + bias))).norm(), 1e-12);
+  }
+  // Axes that lack an angle to a right one are that much nearer to each other.
+  const auto row = [&](int i) { return Vector3d((Matrix3d::Identity() + errors).row(i).transpose()).normalized(); };
+  EXPECT_NEAR(std::acos(row(1).dot(row(2))), 0.5 * M_PI - lack[0], 1e-3 * 0.03 + 0.03 * 0.03);
+
+  spec.devices[0].params = {{"gyro_bias", number(0.25)}};
+  Simulation all(compiled(spec), accurate());
+  all.run(0.5);
+  for (int i = 0; i < 3; ++i) EXPECT_NEAR(all.device_output(i), w[i] + 0.25, 1e-12);
+  spec.devices[0].params["gyro_bias"].value = std::vector<double>{1.0, 2.0};
+  std::string why;
+  try {
+    compiled(spec);
+  } catch (const InputError& e) {
+    why = e.what();
+  }
+  EXPECT_NE(why.find("a vector of 3 numbers, or one for all\n  got:      2 numbers"), std::string::npos) << why;
+}
+
 /// What nobody acts on takes no part in a right-hand side: no op for poses, the same evaluations.
 TEST(Imu, CostsNoStep) {
   SystemSpec spec = system({on(rigid("bus", 100.0, {0, 0, 0}, diagonal({20, 20, 30})), "", "free")});

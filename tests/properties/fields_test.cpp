@@ -692,9 +692,23 @@ TEST(Sunlight, IsThePartOfTheDiscThatIsSeen) {
     EXPECT_EQ(value[1], 0.0);
     return value[0];
   };
+  const auto edges = [&](double beside) {
+    const cardan_field_args args{sizeof args, 0.0, packed.data(), nullptr};
+    const double x[3] = {behind, beside, 0.0};
+    Eigen::Vector2d g;
+    EXPECT_EQ(f.edges(&args, x, g.data()), 2u);
+    EXPECT_EQ(g[0] > 0.0, light(beside) == E) << beside;
+    EXPECT_EQ(g[1] < 0.0, light(beside) == 0.0) << beside;
+    return g;
+  };
   EXPECT_EQ(light(0.0), 0.0);
   EXPECT_EQ(light(0.9 * R), 0.0);
   EXPECT_EQ(light(1.1 * R), E);
+  for (const double x : {0.1, 0.5, 0.9, 0.99, 1.001, 1.01, 1.1}) edges(x * R);
+  EXPECT_NEAR((edges(1.1 * R) - edges(1.1 * R + 1e3))[0],
+              std::acos(behind / std::hypot(behind, 1.1 * R)) - std::acos(behind / std::hypot(behind, 1.1 * R + 1e3)) -
+                  std::asin(R / std::hypot(behind, 1.1 * R)) + std::asin(R / std::hypot(behind, 1.1 * R + 1e3)),
+              1e-14);
   int in_penumbra = 0;
   for (int i = -40; i <= 40; ++i) {
     const double beside = R + 1e3 * i, r = std::hypot(behind, beside), b = std::asin(R / r), c = std::acos(behind / r);
@@ -706,10 +720,50 @@ TEST(Sunlight, IsThePartOfTheDiscThatIsSeen) {
       hidden += 2.0 * std::min(of_sun, of_planet) * 2.0 * a / kStrips;
     }
     const double wanted = 1.0 - hidden / (M_PI * a * a);
+    edges(beside);
     EXPECT_NEAR(light(beside) / E, wanted, 1e-5) << beside;  // of strips of a half circle: their number to -1.5
     in_penumbra += wanted > 0.01 && wanted < 0.99;
   }
   EXPECT_GT(in_penumbra, 20);
+}
+
+/// Two into the shadow of the Earth and two out of it, where the light pushes; of two vehicles their own; none where it is only looked at,
+/// or nothing throws a shadow.
+TEST(FieldsOfDevices, EdgesOfAShadowEndSteps) {
+  const double r = 6778.137e3, mu = 398600.4418e9, period = 2.0 * M_PI * std::sqrt(r * r * r / mu);
+  const auto orbiting = [&](const std::string& name, double angle) {
+    BodySpec b = on(rigid(name, 250.0, {0, 0, 0}, diagonal({20, 25, 30})), "", "free");
+    const double v = std::sqrt(mu / r), c = std::cos(angle), s = std::sin(angle);
+    b.hinge.q = {1, 0, 0, 0, r * c, r * s, 0}, b.hinge.v = {0, 0, 0, -v * s, v * c, 0};
+    return b;
+  };
+  const auto restarts = [&](const std::string& method, int vehicles, const std::string& type, double radius) {
+    std::vector<BodySpec> bodies;
+    for (int i = 0; i < vehicles; ++i) bodies.push_back(orbiting(fmt::format("sat{}", i), 0.1 * i));
+    SystemSpec spec = system(bodies, central_gravity(mu, false));
+    spec.fields = {field("sun", "sunlight", {{"radius", radius}})};
+    spec.fields[0].params["direction"].value = std::vector<double>{1.0, 0.0, 0.1};
+    for (int i = 0; i < vehicles; ++i)
+      for (const char* side : {"a", "b"}) {
+        spec.devices.push_back(device(fmt::format("{}{}", side, i), type, {}, {{"at", fmt::format("sat{}", i)}}));
+        if (type == "radiation_pressure")
+          spec.devices.back().params = {{"area", number(3.0)}};
+        else
+          spec.devices.back().rate = 0.001;
+      }
+    SimulationOptions options;
+    options.integrator.method = method, options.integrator.relative_tolerance = 1e-8;
+    if (method == "rk4") options.integrator.fixed_step = 20.0;
+    Simulation sim(compiled(spec), options);
+    sim.run(period);
+    return sim.statistics().restarts;
+  };
+  for (const char* method : {"dop853", "dopri5", "cvode_adams", "rk4"}) {
+    EXPECT_EQ(restarts(method, 1, "radiation_pressure", 6378.137e3), 5) << method;
+    EXPECT_EQ(restarts(method, 2, "radiation_pressure", 6378.137e3), 9) << method;
+    EXPECT_EQ(restarts(method, 1, "radiation_pressure", 0.0), 1) << method;
+    EXPECT_EQ(restarts(method, 1, "coarse_sun_sensor", 6378.137e3), 1) << method;
+  }
 }
 
 // There the cosine of the angle between Sun and planet is 1, and rounding may carry it beyond.

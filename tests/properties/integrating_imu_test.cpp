@@ -154,9 +154,11 @@ TEST(IntegratingImu, ChangesNoMotion) {
 
 /// One unit by itself, its integrals given: what it counts.
 struct Alone {
-  explicit Alone(const std::vector<std::pair<std::string, double>>& numbers) {
+  explicit Alone(const std::vector<std::pair<std::string, double>>& numbers,
+                 const std::vector<std::pair<std::string, std::vector<double>>>& vectors = {}) {
     SystemSpec spec = system({on(rigid("bus", 100.0, {0, 0, 0}, diagonal({20, 20, 30})), "", "locked")});
     spec.devices = {counter("bus", 10.0, numbers)};
+    for (const auto& [key, x] : vectors) spec.devices[0].params[key].value = x;
     model = compiled(spec);
     marks = model->devices.marks0;
   }
@@ -205,6 +207,18 @@ TEST(IntegratingImu, CountsWithoutLoss) {
     EXPECT_LE(std::abs(angle - true_angle - bias * t), 0.5 * step + 1e-12) << k;
     EXPECT_NEAR(velocity, 0.5 * t, 1e-12) << "2 m/s^2, of which it knows 0.5";
   }
+}
+
+/// An axis counts what it sees of the integrals of the others.
+TEST(IntegratingImu, CountsWhatItsAxesSee) {
+  Alone unit({}, {{"gyro_scale", {0.1, 0.0, 0.0}},
+                  {"accelerometer_misalignment", {0.0, 0.0, 0.5 * std::numbers::pi}},
+                  {"gyro_nonorthogonality", {0.02, 0.0, 0.0}},
+                  {"gyro_bias", {0.0, 0.0, 0.5}}});
+  const double T = 0.2;
+  unit.tick(T, {}, 0);
+  const Six out = unit.tick(T, {1, 2, 3, 4, 5, 6}, 1), wanted = {1.1, 2.03, 3.02 + 0.5 * T, 5, -4, 6};
+  for (std::size_t i = 0; i < 6; ++i) EXPECT_NEAR(out[i], wanted[i], 1e-14) << i;
 }
 
 // ---- devices of this test ----

@@ -1530,6 +1530,46 @@ TEST(Loops, AHingeTurnedByHalfATurnIsNotClosed) {
   }
 }
 
+/// In line after 0.5 s, at rates that nothing changes.
+SystemSpec turning_parallelogram(LoopForm form) {
+  SystemSpec spec = parallelogram(-0.5);
+  spec.gravity = {};
+  spec.loop_form = form;
+  for (std::size_t i = 0; i < 3; ++i) spec.bodies[i].hinge.v = {i == 1 ? -1.0 : 1.0};
+  return spec;
+}
+
+// The state at which it failed is none that was accepted; what is told of it is what leads there, and no contradiction.
+TEST(Loops, AFailureAtASingularPostureTellsWhereItIs) {
+  SimulationOptions options;
+  options.integrator.method = "dopri5", options.integrator.relative_tolerance = 1e-8;
+  Simulation sim(compiled(turning_parallelogram(LoopForm::multipliers)), options);
+  sim.every({1, 3}, [] {});
+  sim.add_event({"in line", [](double, const double* q, const double*) { return q[0]; }, 0, [] {}});
+  const std::string why = told([&] { sim.run(1.0); });
+  for (const char* part : {"failure[N0601]: a loop cannot be kept closed\n  t = 0.333333 s   body: pin\n  row 1 of loop pin: residual ",
+                           ", at a singular posture: a scaled pivot of ", " at t = 0.5 s, crank.angle = ", ", coupler.angle = ",
+                           ", rocker.angle = 3.14159 rad\n", "  hint:     a row of the loops holds nothing there, and a step ended there"})
+    EXPECT_NE(why.find(part), std::string::npos) << part << "\n" << why;
+}
+
+// No plugin is blamed where there is none.
+TEST(Loops, ABalanceThatASingularPostureOpensIsToldAsThat) {
+  SimulationOptions options;
+  options.integrator.method = "dopri5", options.integrator.relative_tolerance = 1e-8;
+  Simulation sim(compiled(turning_parallelogram(LoopForm::embedding)), options);
+  sim.every({1, 2}, [&] { sim.ledger(); });
+  sim.run(0.49);
+  sim.run(0.6);
+  for (const int i : {0, 1, 2}) sim.v(i) *= 1.001;
+  sim.run(0.7);
+  sim.ledger();
+  const std::string warnings = render(sim.warnings());
+  EXPECT_NE(warnings.find("W0402"), std::string::npos) << warnings;
+  EXPECT_NE(warnings.find("closed loops came near a singular posture (a scaled pivot of "), std::string::npos) << warnings;
+  EXPECT_EQ(warnings.find("plugin"), std::string::npos) << warnings;
+}
+
 // Flat it may go on as a parallelogram or crossed: two motions to first order, of which no mixture goes on.
 TEST(Loops, WhatIsLinearIsRefusedAtASingularPosture) {
   for (const LoopForm form : {LoopForm::automatic, LoopForm::multipliers}) {

@@ -220,7 +220,7 @@ TEST(Plugins, AreRefusedWithTheseWords) {
                 "  hint:     its header says what it will be: a run without it would not be the run that was asked for\n" +
                 end);
   EXPECT_EQ(answer("newer_minor"), "error[C0603]: plugin was built for another Cardan\n" + place +
-                                       "  expected: ABI 2.0 to 2.5\n  got:      ABI 2.99\n"
+                                       "  expected: ABI 2.0 to 2.6\n  got:      ABI 2.99\n"
                                        "  hint:     rebuild it against core/abi/cardan_abi.h of this version\n" +
                                        end);
   EXPECT_EQ(answer("short_table"),

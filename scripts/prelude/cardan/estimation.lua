@@ -1,21 +1,11 @@
+local arguments = require "cardan.arguments"
 local vec = require "cardan.vec"
 local quat = require "cardan.quat"
 
 --- Attitude from directions, and from gyros with what corrects them.
 local estimation = {}
 
-local function positive(x) return type(x) == "number" and x > 0 and x < math.huge end
-local function expect(good, who, what, got)
-  if not good then error("estimation." .. who .. ": expected " .. what .. ", got " .. tostring(got), 3) end
-end
-local function expect_keys(who, options, known)
-  for key in pairs(options) do expect((" " .. known .. " "):find(" " .. tostring(key) .. " ", 1, true), who, "one of the keys " .. known:gsub(" ", ", "), key) end
-end
-local function vector_of(n, x)
-  if type(x) ~= "table" or #x ~= n then return false end
-  for i = 1, n do if type(x[i]) ~= "number" or x[i] ~= x[i] or math.abs(x[i]) == math.huge then return false end end
-  return true
-end
+local expect, expect_keys, positive, vector_of = arguments.expect, arguments.expect_keys, arguments.positive, arguments.vector
 -- [a x]
 local function cross_matrix(a) return { { 0, -a[3], a[2] }, { a[3], 0, -a[1] }, { -a[2], a[1], 0 } } end
 local function unit_matrix(s) return matrix { { s, 0, 0 }, { 0, s, 0 }, { 0, 0, s } } end
@@ -46,15 +36,15 @@ end
 ---@return Matrix covariance [rad^2] of the rotation vector of its error, body axes
 ---@return number misfit the least sum: its mean is 2 n - 3 for n directions
 function estimation.wahba(sightings)
-  expect(type(sightings) == "table" and #sightings >= 2, "wahba", "two or more sightings", type(sightings) == "table" and #sightings or type(sightings))
+  expect(type(sightings) == "table" and #sightings >= 2, "estimation.wahba", "two or more sightings", type(sightings) == "table" and #sightings or type(sightings))
   local B, total, information = { { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 } }, 0, unit_matrix(0)
   local seen = {}
   for k, one in ipairs(sightings) do
     for _, side in ipairs { "body", "world" } do
-      expect(type(one) == "table" and vector_of(3, one[side]) and vec.norm(one[side]) > 0, "wahba", "a direction " .. side .. " of sighting " .. k, type(one) == "table" and one[side] or one)
+      expect(type(one) == "table" and vector_of(3, one[side]) and vec.norm(one[side]) > 0, "estimation.wahba", "a direction " .. side .. " of sighting " .. k, type(one) == "table" and one[side] or one)
     end
-    expect_keys("wahba", one, "body world sigma")
-    expect(positive(one.sigma), "wahba", "sigma > 0 of sighting " .. k, one.sigma)
+    expect_keys("estimation.wahba", one, "body world sigma")
+    expect(positive(one.sigma), "estimation.wahba", "sigma > 0 of sighting " .. k, one.sigma)
     local b, r, weight = vec.unit(one.body), vec.unit(one.world), 1 / one.sigma ^ 2
     seen[k] = { b = b, r = r, weight = weight }
     total = total + weight
@@ -125,8 +115,8 @@ local function correct(nav, z, H, R)
 end
 
 local function propagate(nav, angle, dt)
-  expect(vector_of(3, angle), "propagate", "an angle {x, y, z} [rad]", angle)
-  expect(positive(dt), "propagate", "dt > 0 s", dt)
+  expect(vector_of(3, angle), "estimation.propagate", "an angle {x, y, z} [rad]", angle)
+  expect(positive(dt), "estimation.propagate", "dt > 0 s", dt)
   local turned = vec.sub(angle, vec.scale(dt, nav.bias))
   nav.q = quat.multiply(nav.q, quat.from_rotation_vector(turned))
   local a = vec.norm(turned)
@@ -153,9 +143,9 @@ local function propagate(nav, angle, dt)
 end
 
 local function attitude(nav, q, sigma)
-  expect(vector_of(4, q) and math.abs(q[1] ^ 2 + q[2] ^ 2 + q[3] ^ 2 + q[4] ^ 2 - 1) < 1e-6, "attitude", "a quaternion of length 1", q)
+  expect(vector_of(4, q) and math.abs(q[1] ^ 2 + q[2] ^ 2 + q[3] ^ 2 + q[4] ^ 2 - 1) < 1e-6, "estimation.attitude", "a quaternion of length 1", q)
   local each = type(sigma) == "number" and { sigma, sigma, sigma } or sigma
-  expect(vector_of(3, each) and positive(each[1]) and positive(each[2]) and positive(each[3]), "attitude", "sigma > 0 rad, one or {x, y, z}", sigma)
+  expect(vector_of(3, each) and positive(each[1]) and positive(each[2]) and positive(each[3]), "estimation.attitude", "sigma > 0 rad, one or {x, y, z}", sigma)
   local H, R = {}, {}
   for i = 1, 3 do
     H[i], R[i] = { 0, 0, 0, 0, 0, 0 }, { 0, 0, 0 }
@@ -166,9 +156,9 @@ end
 
 local function direction(nav, body, world, sigma)
   for side, d in pairs { body = body, world = world } do
-    expect(vector_of(3, d) and vec.norm(d) > 0, "direction", "a direction " .. side, d)
+    expect(vector_of(3, d) and vec.norm(d) > 0, "estimation.direction", "a direction " .. side, d)
   end
-  expect(positive(sigma), "direction", "sigma > 0 rad", sigma)
+  expect(positive(sigma), "estimation.direction", "sigma > 0 rad", sigma)
   local b = vec.unit(quat.rotate(quat.conjugate(nav.q), world))
   local least = math.abs(b[1]) < 0.6 and { 1, 0, 0 } or { 0, 1, 0 }
   local e = vec.unit(vec.cross(b, least))
@@ -189,7 +179,7 @@ end
 ---@return AttitudeFilter filter
 function estimation.attitude_filter(options)
   local o = options
-  local who = "attitude_filter"
+  local who = "estimation.attitude_filter"
   expect(type(o) == "table" and vector_of(4, o.q) and math.abs(o.q[1] ^ 2 + o.q[2] ^ 2 + o.q[3] ^ 2 + o.q[4] ^ 2 - 1) < 1e-6, who, "q of length 1", type(o) == "table" and o.q or o)
   expect_keys(who, o, "q sigma bias bias_sigma angle_random_walk rate_random_walk")
   expect(positive(o.sigma), who, "sigma > 0 rad", o.sigma)

@@ -1,13 +1,12 @@
+local arguments = require "cardan.arguments"
+local expect, finite, positive = arguments.expect, arguments.finite, arguments.positive
+
 --- Filters for controllers, at ticks: sections of second order, and chains of them.
 local filter = {}
 
-local function expect(good, who, what, got)
-  if not good then error("filter." .. who .. ": expected " .. what .. ", got " .. tostring(got), 3) end
-end
-local function positive(x) return type(x) == "number" and x > 0 and x < math.huge end
 local function expect_band(who, frequency, rate)
-  expect(positive(rate), who, "a rate > 0 Hz", rate)
-  expect(positive(frequency) and frequency < rate / 2, who, "a frequency from above 0 to below half the rate, " .. rate / 2 .. " Hz", frequency)
+  expect(positive(rate), who, "a rate > 0 Hz", rate, 1)
+  expect(positive(frequency) and frequency < rate / 2, who, "a frequency from above 0 to below half the rate, " .. rate / 2 .. " Hz", frequency, 1)
 end
 
 ---@class Section
@@ -68,13 +67,13 @@ end
 ---@return Section filter begins as if its input had been zero for ever
 function filter.section(above, below, rate, exact_at)
   for name, list in pairs { above = above, below = below } do
-    expect(type(list) == "table" and #list == 3, "section", "three coefficients " .. name .. ", of s^2 first", type(list) == "table" and #list or type(list))
-    for i = 1, 3 do expect(type(list[i]) == "number" and math.abs(list[i]) < math.huge, "section", "finite coefficients " .. name, list[i]) end
+    expect(type(list) == "table" and #list == 3, "filter.section", "three coefficients " .. name .. ", of s^2 first", type(list) == "table" and #list or type(list))
+    for i = 1, 3 do expect(finite(list[i]), "filter.section", "finite coefficients " .. name, list[i]) end
   end
-  expect_band("section", exact_at, rate)
+  expect_band("filter.section", exact_at, rate)
   local sign = below[3] < 0 and -1 or 1
-  expect(below[3] ~= 0 and sign * below[2] > 0 and sign * below[1] >= 0, "section", "coefficients below of one sign", table.concat(below, ", "))
-  expect(below[1] ~= 0 or above[1] == 0, "section", "no higher power of s above than below", "n2 = " .. above[1] .. ", d2 = 0")
+  expect(below[3] ~= 0 and sign * below[2] > 0 and sign * below[1] >= 0, "filter.section", "coefficients below of one sign", table.concat(below, ", "))
+  expect(below[1] ~= 0 or above[1] == 0, "filter.section", "no higher power of s above than below", "n2 = " .. above[1] .. ", d2 = 0")
   local w = 2 * math.pi * exact_at
   local c = w / math.tan(w / (2 * rate)) -- s = c (z - 1) / (z + 1)
   local function in_z(p)
@@ -92,9 +91,9 @@ end
 ---@param damping? number z, default sqrt(1/2): flat, 3 dB down at the frequency
 ---@return Section filter
 function filter.low_pass(frequency, rate, damping)
-  expect_band("low_pass", frequency, rate)
+  expect_band("filter.low_pass", frequency, rate)
   damping = damping or math.sqrt(0.5)
-  expect(positive(damping), "low_pass", "a damping > 0", damping)
+  expect(positive(damping), "filter.low_pass", "a damping > 0", damping)
   local w = 2 * math.pi * frequency
   return filter.section({ 0, 0, w * w }, { 1, 2 * damping * w, w * w }, rate, frequency)
 end
@@ -104,7 +103,7 @@ end
 ---@param rate number [Hz] of the ticks
 ---@return Section filter
 function filter.lag(frequency, rate)
-  expect_band("lag", frequency, rate)
+  expect_band("filter.lag", frequency, rate)
   local w = 2 * math.pi * frequency
   return filter.section({ 0, 0, w }, { 0, 1, w }, rate, frequency)
 end
@@ -116,10 +115,10 @@ end
 ---@param rate number [Hz] of the ticks
 ---@return Section filter
 function filter.lead(zero, pole, rate)
-  expect(positive(zero), "lead", "a zero > 0 Hz", zero)
-  expect(positive(pole), "lead", "a pole > 0 Hz", pole)
+  expect(positive(zero), "filter.lead", "a zero > 0 Hz", zero)
+  expect(positive(pole), "filter.lead", "a pole > 0 Hz", pole)
   local between = math.sqrt(zero * pole)
-  expect_band("lead", between, rate)
+  expect_band("filter.lead", between, rate)
   return filter.section({ 0, 1 / (2 * math.pi * zero), 1 }, { 0, 1 / (2 * math.pi * pole), 1 }, rate, between)
 end
 
@@ -130,10 +129,10 @@ end
 ---@param depth? number the gain there, default 0; above 1 it amplifies
 ---@return Section filter
 function filter.notch(frequency, rate, width, depth)
-  expect_band("notch", frequency, rate)
+  expect_band("filter.notch", frequency, rate)
   width, depth = width or 0.5, depth or 0
-  expect(positive(width), "notch", "a width > 0", width)
-  expect(depth == 0 or positive(depth), "notch", "a depth >= 0", depth)
+  expect(positive(width), "filter.notch", "a width > 0", width)
+  expect(depth == 0 or positive(depth), "filter.notch", "a depth >= 0", depth)
   local w = 2 * math.pi * frequency
   return filter.section({ 1, depth * width * w, w * w }, { 1, width * w, w * w }, rate, frequency)
 end
@@ -144,12 +143,12 @@ end
 function filter.chain(...)
   local sections, rate = {}, nil
   for k, one in ipairs { ... } do
-    expect(type(one) == "table" and type(one.sections) == "table", "chain", "filters", type(one))
-    expect(rate == nil or one.rate == rate, "chain", "filters of one rate, " .. tostring(rate) .. " Hz", one.rate)
+    expect(type(one) == "table" and type(one.sections) == "table", "filter.chain", "filters", type(one))
+    expect(rate == nil or one.rate == rate, "filter.chain", "filters of one rate, " .. tostring(rate) .. " Hz", one.rate)
     rate = one.rate
     for _, s in ipairs(one.sections) do sections[#sections + 1] = s end
   end
-  expect(#sections > 0, "chain", "one filter or more", "none")
+  expect(#sections > 0, "filter.chain", "one filter or more", "none")
   return of_sections(sections, rate)
 end
 

@@ -1,14 +1,11 @@
+local arguments = require "cardan.arguments"
 local vec = require "cardan.vec"
 
 --- Orbits about one centre: elements, transfers between two places, relative motion. For plans and initial states; the motion itself is the vehicle's.
 local orbit = {}
 
-local function expect(good, what, got)
-  if not good then error("orbit: expected " .. what .. ", got " .. tostring(got), 3) end
-end
-local function finite(x) return type(x) == "number" and x == x and math.abs(x) < math.huge end
-local function positive(x) return finite(x) and x > 0 end
-local function triple(v) return type(v) == "table" and finite(v[1]) and finite(v[2]) and finite(v[3]) end
+local expect, finite, positive = arguments.expect, arguments.finite, arguments.positive
+local function triple(v) return arguments.vector(3, v) end
 local function combine(a, x, b, y) return { a * x[1] + b * y[1], a * x[2] + b * y[2], a * x[3] + b * y[3] } end
 
 ---@class OrbitElements
@@ -26,25 +23,24 @@ local function combine(a, x, b, y) return { a * x[1] + b * y[1], a * x[2] + b * 
 ---@return number[] r [m]
 ---@return number[] v [m/s]
 function orbit.state(elements, mu)
-  local known = { a = true, p = true, e = true, inclination = true, node = true, periapsis = true, anomaly = true }
-  for key in pairs(elements) do expect(known[key], "a or p, e, inclination, node, periapsis, anomaly", key) end
-  expect(positive(mu), "mu > 0", mu)
+  arguments.expect_keys("orbit", elements, "a p e inclination node periapsis anomaly")
+  expect(positive(mu), "orbit", "mu > 0", mu)
   local e = elements.e or 0
-  expect(finite(e) and e >= 0, "e >= 0", e)
+  expect(finite(e) and e >= 0, "orbit", "e >= 0", e)
   local p = elements.p
   if not p then
     local a = elements.a
-    expect(finite(a) and a * (1 - e * e) > 0, "a > 0 of an ellipse, a < 0 of a hyperbola, p of a parabola", a)
+    expect(finite(a) and a * (1 - e * e) > 0, "orbit", "a > 0 of an ellipse, a < 0 of a hyperbola, p of a parabola", a)
     p = a * (1 - e * e)
   end
-  expect(positive(p), "p > 0", p)
+  expect(positive(p), "orbit", "p > 0", p)
   local angle = {}
   for _, key in ipairs { "inclination", "node", "periapsis", "anomaly" } do
     angle[key] = elements[key] or 0
-    expect(finite(angle[key]), key .. " in rad", angle[key])
+    expect(finite(angle[key]), "orbit", key .. " in rad", angle[key])
   end
   local c, s = math.cos(angle.anomaly), math.sin(angle.anomaly)
-  expect(1 + e * c > 0, "an anomaly that the hyperbola has", angle.anomaly)
+  expect(1 + e * c > 0, "orbit", "an anomaly that the hyperbola has", angle.anomaly)
   local cn, sn, ci, si = math.cos(angle.node), math.sin(angle.node), math.cos(angle.inclination), math.sin(angle.inclination)
   local cw, sw = math.cos(angle.periapsis), math.sin(angle.periapsis)
   local P = { cn * cw - sn * sw * ci, sn * cw + cn * sw * ci, sw * si } -- towards the periapsis
@@ -59,12 +55,12 @@ end
 ---@param mu number [m^3/s^2]
 ---@return OrbitElements elements
 function orbit.elements(r, v, mu)
-  expect(triple(r), "r as three numbers", r)
-  expect(triple(v), "v as three numbers", v)
-  expect(positive(mu), "mu > 0", mu)
+  expect(triple(r), "orbit", "r as three numbers", r)
+  expect(triple(v), "orbit", "v as three numbers", v)
+  expect(positive(mu), "orbit", "mu > 0", mu)
   local R, h = vec.norm(r), vec.cross(r, v)
   local H = vec.norm(h)
-  expect(R > 0 and H > 0, "motion that does not pass through the centre", "momentum of zero")
+  expect(R > 0 and H > 0, "orbit", "motion that does not pass through the centre", "momentum of zero")
   local p, radial = H * H / mu, vec.dot(r, v) / R
   local ec, es = p / R - 1, radial * H / mu -- e cos, e sin of the anomaly
   local e = math.sqrt(ec * ec + es * es)
@@ -104,14 +100,14 @@ end
 ---@return number[] v1 [m/s]
 ---@return number[] v2 [m/s]
 function orbit.lambert(r1, r2, time, mu, long)
-  expect(triple(r1), "r1 as three numbers", r1)
-  expect(triple(r2), "r2 as three numbers", r2)
-  expect(positive(time), "a time > 0 s", time)
-  expect(positive(mu), "mu > 0", mu)
+  expect(triple(r1), "orbit", "r1 as three numbers", r1)
+  expect(triple(r2), "orbit", "r2 as three numbers", r2)
+  expect(positive(time), "orbit", "a time > 0 s", time)
+  expect(positive(mu), "orbit", "mu > 0", mu)
   local R1, R2 = vec.norm(r1), vec.norm(r2)
-  expect(R1 > 0 and R2 > 0, "places apart from the centre", "one at it")
+  expect(R1 > 0 and R2 > 0, "orbit", "places apart from the centre", "one at it")
   local sum = vec.norm(vec.add(vec.scale(1 / R1, r1), vec.scale(1 / R2, r2))) -- 2 |cos| of half the angle
-  expect(sum > 1e-10, "places that are not opposite: every plane has such an orbit", "opposite places")
+  expect(sum > 1e-10, "orbit", "places that are not opposite: every plane has such an orbit", "opposite places")
   local A = (long and -1 or 1) * math.sqrt(R1 * R2 / 2) * sum
   local function flight(z) -- y and the time; nothing where the orbit does not reach r2
     local C, S = stumpff(z)
@@ -124,7 +120,7 @@ function orbit.lambert(r1, r2, time, mu, long)
   while true do -- the time rises with z
     local y, t = flight(low)
     if not y or t < time then break end
-    expect(low > -1e5, "a time that an orbit takes", time)
+    expect(low > -1e5, "orbit", "a time that an orbit takes", time)
     low = 2 * low
   end
   while true do
@@ -134,7 +130,7 @@ function orbit.lambert(r1, r2, time, mu, long)
     if not y or t < time then low = z else high = z end
   end
   local y = flight(high)
-  expect(y, "a time that an orbit takes", time)
+  expect(y, "orbit", "a time that an orbit takes", time)
   local f, g, gdot = 1 - y / R1, A * math.sqrt(y / mu), 1 - y / R2
   return combine(1 / g, r2, -f / g, r1), combine(gdot / g, r2, -1 / g, r1)
 end
@@ -145,8 +141,8 @@ end
 ---@param time number [s]
 ---@return Matrix transition
 function orbit.hill(rate, time)
-  expect(positive(rate), "a rate > 0", rate)
-  expect(finite(time), "a time in s", time)
+  expect(positive(rate), "orbit", "a rate > 0", rate)
+  expect(finite(time), "orbit", "a time in s", time)
   local n, a = rate, rate * time
   local c, s = math.cos(a), math.sin(a)
   local versed = 2 * math.sin(a / 2) ^ 2 -- 1 - cos

@@ -1,3 +1,4 @@
+local arguments = require "cardan.arguments"
 local vec = require "cardan.vec"
 local quat = require "cardan.quat"
 
@@ -23,11 +24,13 @@ local function of_axes(x, y, z)
   return q
 end
 
--- Unit vectors along a, across a and b, and across both.
-local function triad(who, a, b)
+-- Unit vectors along a, across a and b, and across both; a and b are called so.
+local function triad(who, a_called, a, b_called, b)
+  arguments.expect(arguments.vector(3, a), who, a_called .. " as three numbers", a, 1)
+  arguments.expect(arguments.vector(3, b), who, b_called .. " as three numbers", b, 1)
   local across = vec.cross(a, b)
   if not (vec.norm(across) > 1e-12 * vec.norm(a) * vec.norm(b)) then
-    error("pointing." .. who .. ": expected two directions, got (" .. table.concat(a, ", ") .. ") and (" .. table.concat(b, ", ") .. "), which lie on one line", 3)
+    error(who .. ": expected two directions, got (" .. table.concat(a, ", ") .. ") and (" .. table.concat(b, ", ") .. "), which lie on one line", 3)
   end
   local x, y = vec.unit(a), vec.unit(across)
   return x, y, vec.cross(x, y)
@@ -42,8 +45,8 @@ end
 ---@param second_along number[] world axes, not along the first
 ---@return number[] q {w, x, y, z}, w >= 0
 function pointing.align(axis, along, second, second_along)
-  local x, y, z = triad("align", axis, second)
-  local u, v, w = triad("align", along, second_along)
+  local x, y, z = triad("pointing.align", "axis", axis, "second", second)
+  local u, v, w = triad("pointing.align", "along", along, "second_along", second_along)
   return quat.multiply(of_axes(u, v, w), quat.conjugate(of_axes(x, y, z)))
 end
 
@@ -56,7 +59,7 @@ local function turn(r, v) return vec.norm(vec.cross(r, v)) / vec.dot(r, r) end
 ---@return number[] q
 ---@return number[] rate [rad/s] in the axes themselves
 function pointing.hill(r, v)
-  local x, z, back = triad("hill", r, v)
+  local x, z, back = triad("pointing.hill", "r", r, "v", v)
   return of_axes(x, vec.scale(-1, back), z), { 0, 0, turn(r, v) }
 end
 
@@ -66,7 +69,7 @@ end
 ---@return number[] q
 ---@return number[] rate [rad/s] in the axes themselves
 function pointing.nadir(r, v)
-  local up, normal, back = triad("nadir", r, v)
+  local up, normal, back = triad("pointing.nadir", "r", r, "v", v)
   return of_axes(vec.scale(-1, back), vec.scale(-1, normal), vec.scale(-1, up)), { 0, -turn(r, v), 0 }
 end
 

@@ -1,3 +1,4 @@
+local arguments = require "cardan.arguments"
 local vec = require "cardan.vec"
 local quat = require "cardan.quat"
 
@@ -38,10 +39,7 @@ local function profile(kind, angle, rate, acceleration)
   end, T
 end
 
-local function expect(good, what, got)
-  if not good then error("slew: expected " .. what .. ", got " .. tostring(got), 3) end
-end
-local function positive(x) return type(x) == "number" and x > 0 and x < math.huge end
+local expect, expect_keys, finite, positive = arguments.expect, arguments.expect_keys, arguments.finite, arguments.positive
 
 ---@class Impulse
 ---@field time number [s]
@@ -57,9 +55,9 @@ local robustness = { zv = 1, zvd = 2, zvdd = 3 }
 ---@return Impulse[] impulses
 function slew.shaper(kind, frequency, damping)
   local n, z = robustness[kind], damping or 0
-  expect(n, "zv, zvd or zvdd", kind)
-  expect(positive(frequency), "a frequency > 0 Hz", frequency)
-  expect(type(z) == "number" and z >= 0 and z < 1, "a damping from 0 to below 1", z)
+  expect(n, "slew", "zv, zvd or zvdd", kind)
+  expect(positive(frequency), "slew", "a frequency > 0 Hz", frequency)
+  expect(type(z) == "number" and z >= 0 and z < 1, "slew", "a damping from 0 to below 1", z)
   local damped = math.sqrt(1 - z * z)
   local K, apart, binomial, out = math.exp(-math.pi * z / damped), 1 / (2 * frequency * damped), 1, {}
   for k = 0, n do
@@ -89,34 +87,30 @@ end
 ---@param options SlewOptions
 ---@return SlewPlan plan
 function slew.plan(options)
-  local known = { from = true, to = true, rate = true, acceleration = true, profile = true, shapers = true, start = true }
-  for key in pairs(options) do expect(known[key], "from, to, rate, acceleration, profile, shapers, start", key) end
+  expect_keys("slew", options, "from to rate acceleration profile shapers start")
   for _, key in ipairs { "from", "to" } do
-    local q, sum = options[key], 0
-    for i = 1, 4 do
-      local x = type(q) == "table" and q[i]
-      expect(type(x) == "number", key .. " as {w, x, y, z}", type(q) == "table" and ("%s at %d"):format(q[i], i) or q)
-      sum = sum + x * x
-    end
-    expect(math.abs(sum - 1) < 1e-6, key .. " of length 1", math.sqrt(sum))
+    local q = options[key]
+    expect(arguments.vector(4, q), "slew", key .. " as {w, x, y, z}", q)
+    local sum = q[1] ^ 2 + q[2] ^ 2 + q[3] ^ 2 + q[4] ^ 2
+    expect(math.abs(sum - 1) < 1e-6, "slew", key .. " of length 1", math.sqrt(sum))
   end
-  expect(positive(options.rate), "a rate > 0", options.rate)
-  expect(positive(options.acceleration), "an acceleration > 0", options.acceleration)
+  expect(positive(options.rate), "slew", "a rate > 0", options.rate)
+  expect(positive(options.acceleration), "slew", "an acceleration > 0", options.acceleration)
   local kind, start = options.profile or "trapezoid", options.start or 0
-  expect(kind == "trapezoid" or smooth[kind], "the profile trapezoid, versine or quintic", kind)
-  expect(type(start) == "number" and math.abs(start) < math.huge, "a start in s", start)
+  expect(kind == "trapezoid" or smooth[kind], "slew", "the profile trapezoid, versine or quintic", kind)
+  expect(finite(start), "slew", "a start in s", start)
 
   local impulses = { { time = 0, share = 1 } }
-  expect(type(options.shapers or {}) == "table", "a list of shapers", options.shapers)
+  expect(type(options.shapers or {}) == "table", "slew", "a list of shapers", options.shapers)
   for key, shaper in pairs(options.shapers or {}) do
-    expect(math.type(key) == "integer" and type(shaper) == "table", "shapers as a list, each by slew.shaper", key)
+    expect(math.type(key) == "integer" and type(shaper) == "table", "slew", "shapers as a list, each by slew.shaper", key)
     local both, sum = {}, 0
     for _, impulse in ipairs(shaper) do
-      expect(type(impulse) == "table" and type(impulse.time) == "number" and impulse.time >= 0 and impulse.time < math.huge and type(impulse.share) == "number",
+      expect(type(impulse) == "table" and type(impulse.time) == "number" and impulse.time >= 0 and impulse.time < math.huge and type(impulse.share) == "number", "slew",
         "impulses with a time >= 0 and a share", type(impulse) == "table" and impulse.time or impulse)
       sum = sum + impulse.share
     end
-    expect(math.abs(sum - 1) < 1e-9, "shapers as a list, each with shares that are 1 together", sum)
+    expect(math.abs(sum - 1) < 1e-9, "slew", "shapers as a list, each with shares that are 1 together", sum)
     for _, a in ipairs(impulses) do
       for _, b in ipairs(shaper) do both[#both + 1] = { time = a.time + b.time, share = a.share * b.share } end
     end

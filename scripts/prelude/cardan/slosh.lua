@@ -1,3 +1,6 @@
+local arguments = require "cardan.arguments"
+local expect, positive = arguments.expect, arguments.positive
+
 --- Mechanical models of liquid in tanks: pendulums and springs for bodies of a vehicle.
 local slosh = {}
 
@@ -29,25 +32,12 @@ local zeros = { 1.8411837813406593, 5.3314427735250326, 8.5363163663462858, 11.7
 ---@param options CylinderOptions
 ---@return SloshModel model
 function slosh.cylinder(options)
-  local known = { radius = true, depth = true, mass = true, acceleration = true, modes = true }
-  for key in pairs(options) do
-    if not known[key] then error("slosh.cylinder: unknown key " .. tostring(key), 2) end
-  end
-  local function positive(key)
-    local x = options[key]
-    if type(x) ~= "number" or not (x > 0 and x < math.huge) then
-      error("slosh.cylinder: expected " .. key .. " > 0, got " .. tostring(x), 3)
-    end
-    return x
-  end
-  local R, h, M = positive "radius", positive "depth", positive "mass"
+  arguments.expect_keys("slosh.cylinder", options, "radius depth mass acceleration modes")
+  for _, key in ipairs { "radius", "depth", "mass" } do expect(positive(options[key]), "slosh.cylinder", key .. " > 0", options[key]) end
+  local R, h, M = options.radius, options.depth, options.mass
   local g, n = options.acceleration or 0, options.modes or 1
-  if type(g) ~= "number" or not (g >= 0 and g < math.huge) then
-    error("slosh.cylinder: expected acceleration >= 0, got " .. tostring(g), 2)
-  end
-  if math.type(n) ~= "integer" or n < 1 or n > #zeros then
-    error("slosh.cylinder: expected 1 to " .. #zeros .. " modes, got " .. tostring(n), 2)
-  end
+  expect(g == 0 or positive(g), "slosh.cylinder", "acceleration >= 0", g)
+  expect(math.type(n) == "integer" and n >= 1 and n <= #zeros, "slosh.cylinder", "1 to " .. #zeros .. " modes", n)
   local model = { modes = {}, fixed_mass = M, fixed_height = 0 }
   local moment = M * h / 2 -- about the bottom
   for k = 1, n do

@@ -83,6 +83,21 @@ TEST(ChooseMethod, CountsTheStepsThatDevicesEndByThemselves) {
     EXPECT_EQ(choose_method(compiled(with_stepper(rate, microsteps)), 1.0, asked(1e-7)).options.method, "exponential") << rate;
 }
 
+/// A mission may command what the vehicle file does not say: counted by the largest rate that is taken, or told.
+TEST(ChooseMethod, CountsTheStepsThatAMissionMayCommand) {
+  SystemSpec spec = with_stepper(0.0, 16);
+  const MethodChoice any = choose_method(compiled(spec), 1.0, asked(1e-7));
+  EXPECT_EQ(any.options.method, "exponential");
+  EXPECT_NE(any.why.find("a stepper without `rate_limit`"), std::string::npos) << any.why;
+  for (const double limit : {200.0, 0.05}) {
+    spec.devices[0].params["rate_limit"] = {limit, {}};
+    const MethodChoice c = choose_method(compiled(spec), 1.0, asked(1e-7));
+    EXPECT_EQ(c.options.method, limit > 1.0 ? "dopri5" : "exponential") << c.why;
+    EXPECT_EQ(c.why.find("devices end steps each 0.00031") != std::string::npos, limit > 1.0) << c.why;
+    EXPECT_EQ(c.why.find("rate_limit"), std::string::npos) << c.why;
+  }
+}
+
 TEST(ChooseMethod, CountsTheRowsOfARecord) {
   for (const double apart : {1e-3, 10.0}) {
     SystemSpec spec = bus_with_boom();

@@ -105,6 +105,38 @@ TEST_P(EveryMethodEvents, GrazingIsSeenFromBothSides) {
   EXPECT_TRUE(events(*integrator, {1.0 + depth}, 2.0).empty());
 }
 
+/// Near them, by the state as it is known inside of the step: an event of the same function takes at least as many right-hand sides. Each
+/// once, whether the method starts anew there or not.
+TEST_P(EveryMethodEvents, ACornerEndsAStep) {
+  const auto run = [&](int corners, bool anew) {
+    OdeProblem p = with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = x[0] - 0.3; });
+    p.n_corners = corners;
+    auto integrator = make(p);
+    double x[2] = {1.0, 0.0}, t = 0.0;
+    integrator->restart(t, x);
+    std::vector<Event> found;
+    while (t < 10.0) {
+      const StepReport report = integrator->step(10.0, x);
+      t = report.t;
+      if (!report.event) continue;
+      found.push_back({t, {report.crossed.begin(), report.crossed.end()}});
+      if (anew) integrator->restart(t, x);
+    }
+    return std::pair(found, integrator->statistics().rhs_calls);
+  };
+  for (const bool anew : {false, true}) {
+    const auto [corners, calls] = run(1, anew);
+    const auto [events, calls_of_events] = run(0, anew);
+    ASSERT_EQ(corners.size(), 3u) << anew;
+    ASSERT_EQ(events.size(), 3u) << anew;
+    for (std::size_t k = 0; k < 3; ++k) {
+      EXPECT_NEAR(corners[k].t, events[k].t, 1e-5) << anew;
+      EXPECT_EQ(corners[k].crossed, events[k].crossed) << anew;
+    }
+    EXPECT_LE(calls, calls_of_events) << anew;
+  }
+}
+
 TEST_P(EveryMethodEvents, RestartAtAnEventDoesNotRepeatIt) {
   auto integrator = make(with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = x[0]; }));
   double x[2] = {1.0, 0.0}, t = 0.0;

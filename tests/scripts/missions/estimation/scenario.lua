@@ -138,13 +138,17 @@ chi_square("directions", directions, histories * ticks / 2, 2)
 
 for expected, call in pairs {
   ["expected two directions, got (1, 0, 0) and (-2, 0, 0), which lie on one line"] = function() pointing.align({ 1, 0, 0 }, { 0, 0, 1 }, { -2, 0, 0 }, { 1, 0, 0 }) end,
+  ["pointing.align: expected second as three numbers, got {0, 1}"] = function() pointing.align({ 1, 0, 0 }, { 0, 0, 1 }, { 0, 1 }, { 1, 0, 0 }) end,
+  ["pointing.align: expected along as three numbers, got {0, 0, 1, 0}"] = function() pointing.align({ 1, 0, 0 }, { 0, 0, 1, 0 }, { 0, 1, 0 }, { 1, 0, 0 }) end,
+  ["pointing.hill: expected v as three numbers, got nil"] = function() pointing.hill { 7e6, 0, 0 } end,
+  ["pointing.nadir: expected r as three numbers, got 7000000.0"] = function() pointing.nadir(7e6, { 0, 7e3, 0 }) end,
   ["which lie on one line"] = function() pointing.nadir({ 7e6, 0, 0 }, { 100, 0, 0 }) end,
   ["two or more sightings, got 1"] = function() estimation.wahba { {} } end,
   ["sigma > 0 of sighting 2, got nil"] = function() estimation.wahba { { body = { 1, 0, 0 }, world = { 1, 0, 0 }, sigma = 1 }, { body = { 1, 0, 0 }, world = { 1, 0, 0 } } } end,
   ["the directions lie on one line"] = function()
     estimation.wahba { { body = { 1, 0, 0 }, world = { 0, 1, 0 }, sigma = 1 }, { body = { -1, 0, 0 }, world = { 0, -1, 0 }, sigma = 1 } }
   end,
-  ["q of length 1, got table"] = function() estimation.attitude_filter { q = { 1, 1, 0, 0 }, sigma = 1, angle_random_walk = 1 } end,
+  ["q of length 1, got {1, 1, 0, 0}"] = function() estimation.attitude_filter { q = { 1, 1, 0, 0 }, sigma = 1, angle_random_walk = 1 } end,
   ["estimation.attitude_filter: expected one of the keys q, sigma, bias, bias_sigma, angle_random_walk, rate_random_walk, got bias_sgima"] = function()
     estimation.attitude_filter { q = { 1, 0, 0, 0 }, sigma = 1, angle_random_walk = 1, bias_sgima = 1 }
   end,
@@ -155,7 +159,7 @@ for expected, call in pairs {
   ["dt > 0 s, got 0"] = function() estimation.attitude_filter({ q = { 1, 0, 0, 0 }, sigma = 1, angle_random_walk = 0 }):propagate({ 0, 0, 0 }, 0) end,
 } do
   local ok, why = pcall(call)
-  assert(not ok and why:find(expected, 1, true), why)
+  assert(not ok and why:find(expected, 1, true) and why:find("scenario.lua:", 1, true) == 1, why) -- told of the line here
 end
 
 -- In flight.

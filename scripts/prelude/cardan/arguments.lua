@@ -1,0 +1,33 @@
+-- What functions of the other modules ask of what they are given. No module for scripts: nothing of it is global.
+
+local function finite(x) return type(x) == "number" and x == x and math.abs(x) < math.huge end
+local function positive(x) return finite(x) and x > 0 end
+
+-- n finite numbers.
+local function vector(n, x)
+  if type(x) ~= "table" or #x ~= n then return false end
+  for i = 1, n do if not finite(x[i]) then return false end end
+  return true
+end
+
+-- {1, 2} as such, anything else as Lua tells it.
+local function told(x)
+  if type(x) ~= "table" or #x == 0 or #x > 6 then return tostring(x) end
+  local all = {}
+  for i = 1, #x do all[i] = tostring(x[i]) end
+  return "{" .. table.concat(all, ", ") .. "}"
+end
+
+-- Unless it is good, an error at the place in the script that called `who`. `deeper`: calls between the function `who` and this one.
+local function expect(good, who, what, got, deeper)
+  if not good then error(who .. ": expected " .. what .. ", got " .. told(got), 3 + (deeper or 0)) end
+end
+
+-- `known`: names with a space between.
+local function expect_keys(who, options, known)
+  for key in pairs(options) do
+    expect((" " .. known .. " "):find(" " .. tostring(key) .. " ", 1, true), who, "one of the keys " .. known:gsub(" ", ", "), key, 1)
+  end
+end
+
+return { finite = finite, positive = positive, vector = vector, expect = expect, expect_keys = expect_keys }
