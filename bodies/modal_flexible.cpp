@@ -3,7 +3,7 @@
 //   level 0: M_fl(0), except M_wv = (mc)~ which follows the mass centre;  level 1: M_fl(0) + sum eta_i dM_i;  level 2: exact.
 // Mass matrix and bias come from one truncation of the kinetic energy, which is what conserves energy at every level.
 // Everything that does not depend on the state is summed when the parameters are packed; what is left are plain loops.
-#include <Eigen/Core>
+#include <Eigen/QR>
 #include <algorithm>
 #include <cstdint>
 #include <cstring>
@@ -12,7 +12,6 @@
 
 #include "core/abi/cardan_body.h"
 #include "core/base/clones.hpp"
-#include "core/linalg/dense.hpp"
 #include "core/spatial/rotation.hpp"
 
 // mass and bias are compiled for three instruction sets and the best is taken at load; many states at once for the set whose registers hold
@@ -112,9 +111,10 @@ struct Couplings {
 };
 
 /// Columns: dM_ee / d eta_i. They are made of as many matrices as this has independent columns.
-PivotedQr factored(const cardan_modal_view& v) {
+auto factored(const cardan_modal_view& v) {
   const std::uint32_t m = v.n_modes;
-  return pivoted_qr(Eigen::Map<const Eigen::MatrixXd>(v.rotary_ee, m * m, m), 1e-15 * m);
+  Eigen::ColPivHouseholderQR<Eigen::MatrixXd> qr(Eigen::Map<const Eigen::MatrixXd>(v.rotary_ee, m * m, m));
+  return qr.setThreshold(1e-15 * m), qr;
 }
 
 Packed header_of(const cardan_modal_view& v) {
@@ -129,7 +129,7 @@ Packed header_of(const cardan_modal_view& v) {
   p.has_Psi = v.node_Psi != nullptr;
   // Level 2 is a polynomial in eta for translational lumps; nodal rotary inertia beyond first order and Q need the loop over the nodes.
   p.nodal = v.level == 2 && ((p.rotary && p.n_nodes > 0) || p.quadratic);
-  p.rank = !p.nodal && v.level >= 1 && v.rotary_ee ? static_cast<std::uint32_t>(factored(v).R.rows()) : 0;
+  p.rank = !p.nodal && v.level >= 1 && v.rotary_ee ? static_cast<std::uint32_t>(factored(v).rank()) : 0;
   if (p.level >= 1 && !p.nodal && (p.level < 2 || v.I9)) {
     const Couplings couplings{v};
     p.sparse = couplings.sparse();
@@ -263,8 +263,10 @@ int pack(const cardan_param_values* values, const cardan_modal_view* v, void* ou
     }
   }
   if (p.rank == 0) return 0;
-  const auto [S, F] = factored(*v);
-  Eigen::Map<Eigen::MatrixXd>(data + p.F, p.rank, m) = F;
+  const auto qr = factored(*v);
+  const Eigen::MatrixXd S = qr.householderQ() * Eigen::MatrixXd::Identity(m * m, p.rank);
+  const Eigen::MatrixXd R = qr.matrixQR().topRows(p.rank).triangularView<Eigen::Upper>();
+  Eigen::Map<Eigen::MatrixXd>(data + p.F, p.rank, m) = R * qr.colsPermutation().transpose();
   for (std::uint32_t r = 0; r < p.rank; ++r)
     for (std::uint32_t l = 0; l < m; ++l) copy(p.S + (l * p.rank + r) * m, S.col(r).data() + l * m, m);
   return 0;

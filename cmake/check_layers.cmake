@@ -29,7 +29,7 @@ set(layers
   "core/operators|core/base core/spatial core/linalg core/abi core/model core/soa core/dynamics"
   "core/sim|core"
   "hinges|core/base core/spatial core/abi"
-  "bodies|core/base core/spatial core/linalg/dense.hpp core/abi"
+  "bodies|core/base core/spatial core/abi"
   "bodies/modal/|core/base core/spatial core/linalg core/io/bounded_child core/io/hdf5_file core/io/sha256"
   "plugins|core/base core/spatial core/abi"
   "plugins/astronomy/|core/base"

@@ -102,12 +102,6 @@ ThinQr thin_qr(const MatrixXd& A) {
   const Eigen::HouseholderQR<MatrixXd> qr(A);
   return {qr.householderQ() * MatrixXd::Identity(A.rows(), A.cols()), qr.matrixQR().topRows(A.cols()).triangularView<Eigen::Upper>()};
 }
-PivotedQr pivoted_qr(const MatrixXd& A, double threshold) {
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(A);
-  const Eigen::Index rank = qr.setThreshold(threshold).rank();
-  const MatrixXd R = qr.matrixQR().topRows(rank).triangularView<Eigen::Upper>();
-  return {qr.householderQ() * MatrixXd::Identity(A.rows(), rank), R * qr.colsPermutation().transpose()};
-}
 MatrixXd semidefinite_root(const MatrixXd& A) {
   const Eigen::LDLT<MatrixXd> factor(A);
   const MatrixXd L = factor.matrixL();

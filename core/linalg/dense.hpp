@@ -55,11 +55,6 @@ struct ThinQr {
   Eigen::MatrixXd Q, R;
 };
 ThinQr thin_qr(const Eigen::MatrixXd& A);
-/// A = Q R to within `threshold` times its largest column, by as many columns as that takes: Q* Q = 1, R has the columns of A.
-struct PivotedQr {
-  Eigen::MatrixXd Q, R;
-};
-PivotedQr pivoted_qr(const Eigen::MatrixXd& A, double threshold);
 /// A square B with B B* = A, of A = A* without negative eigenvalues (L D L* with pivots).
 Eigen::MatrixXd semidefinite_root(const Eigen::MatrixXd& A);
 /// A^-1 B by L U with pivots, and the reciprocal condition number of A by its factors: where that is below the precision of numbers, x is
