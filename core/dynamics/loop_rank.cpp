@@ -114,9 +114,9 @@ void tell_singular_posture(const Model& model, const soa::Breakdown& bad, double
   failure.what +=
       fmt::format(", at a singular posture: a scaled pivot of {:.2g} at t = {:.6g} s{}{}", pivot, t, at.empty() ? "" : ", ", at);
   failure.hint =
-      "a row of the loops holds nothing there, and a step ended there, for a row of output, a tick, an event or a change of the vehicle: "
-      "let "
-      "that fall beside it (`between_steps` of `output` ends no step for rows). Loops that begin or rest there have no way of their own";
+      "a row of the loops holds nothing there, and a step ended there, for a row of output, a tick, an event or a change of the "
+      "vehicle: let that fall beside it (`between_steps` of `output` ends no step for rows). Loops that begin or rest there have no way "
+      "of their own";
 }
 
 Eigen::MatrixXd loop_matrix(const Model& model, Workspace& ws, const double* q, const LoopDrive* drives) {

@@ -632,9 +632,8 @@ LedgerState Simulation::ledger() {
 std::string Simulation::why_open() const {
   if (nearest_.pivot < kInBalances)
     return fmt::format(
-        "closed loops came near a singular posture (a scaled pivot of {:.2g} at t = {:.6g} s), where reactions and the direction of motion "
-        "are "
-        "known less well, or a step too large: let no output, tick or event fall there (docs/mathematics/loops.md, 7)",
+        "closed loops came near a singular posture (a scaled pivot of {:.2g} at t = {:.6g} s), where reactions and the direction of "
+        "motion are known less well, or a step too large: let no output, tick or event fall there (docs/mathematics/loops.md, 7)",
         nearest_.pivot, nearest_.t);
   return fmt::format("{}a state that was changed in the run, or a step too large (docs/mathematics/integration.md)",
                      plugins_ ? "a hinge or body of a plugin whose laws do not fit together, " : "");
