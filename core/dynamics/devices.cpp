@@ -138,12 +138,42 @@ DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devi
 }
 
 DeviceForces::DeviceForces(const DeviceForces& other) : DeviceForces(other.model_) {
-  commands = other.commands, motions_ = other.motions_, in_ = other.in_, z_ = other.z_, marks_ = other.marks_, effects_ = other.effects_;
+  take_commands(other);
+  motions_ = other.motions_, in_ = other.in_, z_ = other.z_, marks_ = other.marks_, effects_ = other.effects_;
   flow_loads_ = other.flow_loads_, varying_ = other.varying_, followed_motions_ = other.followed_motions_;
   for (std::size_t k = 0; k < args_.size(); ++k) {
     args_[k].t = other.args_[k].t;
     outs_[k].delivered = other.outs_[k].delivered, outs_[k].lost = other.outs_[k].lost;
   }
+}
+
+void DeviceForces::alter(std::vector<AlteredPort> inputs, std::vector<AlteredPort> outputs) {
+  std::ranges::sort(inputs, {}, &AlteredPort::index), std::ranges::sort(outputs, {}, &AlteredPort::index);
+  const auto commanded = [this](const AlteredPort& a) { return model_.devices.from[a.index] < 0; };
+  altered_commands_.clear(), altered_in_.clear();
+  std::ranges::partition_copy(inputs, std::back_inserter(altered_commands_), std::back_inserter(altered_in_), commanded);
+  altered_out_ = std::move(outputs);
+  const auto of = [](const std::vector<AlteredPort>& all, int first, int n) {
+    const auto at = [&](int index) {
+      return static_cast<int>(std::ranges::lower_bound(all, index, {}, &AlteredPort::index) - all.begin());
+    };
+    return Range{at(first), at(first + n)};
+  };
+  for (std::vector<Call>* calls : {&first_, &acting_, &others_})
+    for (Call& c : *calls) {
+      const Device& d = model_.devices.all[c.device];
+      c.altered_in = of(altered_in_, d.in, d.n_in), c.altered_out = of(altered_out_, d.out, d.n_out);
+    }
+}
+
+void DeviceForces::take_commands(const DeviceForces& other) {
+  commands = other.commands;
+  if (altered_commands_.empty() && altered_in_.empty() && altered_out_.empty() && other.altered_commands_.empty() &&
+      other.altered_in_.empty() && other.altered_out_.empty())
+    return;
+  std::vector<AlteredPort> inputs = other.altered_commands_;
+  inputs.insert(inputs.end(), other.altered_in_.begin(), other.altered_in_.end());
+  alter(std::move(inputs), other.altered_out_);
 }
 
 bool DeviceForces::look_at_fields(bool in_steps) {
@@ -195,11 +225,24 @@ void DeviceForces::zero(int index) {
 void DeviceForces::take_connected(const Call& call) {
   for (int k = call.given.begin; k < call.given.end; ++k) in_[given_[k].first] = out_[given_[k].second];
   for (int k = call.added.begin; k < call.added.end; ++k) in_[added_[k].in] += out_[added_[k].out];
+  for (int k = call.altered_in.begin; k < call.altered_in.end; ++k) {
+    double& x = in_[altered_in_[k].index];
+    x = altered_in_[k](x, time());
+  }
+}
+
+/// `out`: of all devices.
+void DeviceForces::alter_outputs(const Call& call, double* out) const {
+  for (int k = call.altered_out.begin; k < call.altered_out.end; ++k) {
+    double& x = out[altered_out_[k].index];
+    x = altered_out_[k](x, time());
+  }
 }
 
 /// In this order; what they fill is zero.
 bool DeviceForces::evaluate(const std::vector<Call>& calls, const std::vector<Range>& numbers) {
   for (const Range& r : commanded_) std::copy(commands.begin() + r.begin, commands.begin() + r.end, in_.begin() + r.begin);
+  for (const AlteredPort& a : altered_commands_) in_[a.index] = a(in_[a.index], time());
   std::uint64_t power = 0;
   const bool filled = !first_.empty();  // what a device gave before all others is there until now
   const Call* at = calls.data();
@@ -216,6 +259,7 @@ bool DeviceForces::evaluate(const std::vector<Call>& calls, const std::vector<Ra
         return false;
       }
       power |= not_finite_bit(out.delivered) | not_finite_bit(out.lost);
+      alter_outputs(*at, out_);
     }
   } catch (...) {
     called_ = {at->device, "evaluate"};
@@ -464,6 +508,8 @@ std::string DeviceForces::ask_again(int index) const {
   if (!loads.intact() || !out.intact() || !zdot.intact()) return "evaluate writes beyond its arrays";
   const auto same = [](const Handed& a, const double* b, std::size_t n) { return n == 0 || std::memcmp(a.data(), b, n * sizeof *b) == 0; };
   const double* before = d.mounts.empty() ? nullptr : numbers(loads_[d.mount]);
+  for (const AlteredPort& a : altered_out_)
+    if (a.index >= d.out && a.index < d.out + d.n_out) out.data()[a.index - d.out] = a(out.data()[a.index - d.out], time());
   if (code == 0 && same(loads, before, d.mounts.size() * kLoad) && same(out, out_ + d.out, d.n_out) &&
       (f.follow || same(zdot, zdot_ + d.z, f.n_states)) && o.delivered == outs_[index].delivered && o.lost == outs_[index].lost)
     return {};
@@ -483,10 +529,19 @@ DeviceTangents::DeviceTangents(const Model& model, const DeviceForces& base) : m
   followed_motions_.resize(base.followed_motions_.size()), unused_.resize(base.following_.empty() ? 0 : at(model.devices.n_z));
 }
 
+namespace {
+/// Rates of ports first ... first + n - 1.
+void scale_altered(const std::vector<AlteredPort>& all, int first, int n, std::vector<double>& rates) {
+  for (const AlteredPort& a : all)
+    if (a.index >= first && a.index < first + n) rates[a.index] *= a.scale;
+}
+}  // namespace
+
 void DeviceTangents::take_inputs(const Device& d) {
   for (int i = d.in; i < d.in + d.n_in; ++i) in_[i] = model_.devices.from[i] < 0 ? commands[i] : out_[model_.devices.from[i]];
   for (const AddedOutput& a : model_.devices.added)
     if (a.in >= d.in && a.in < d.in + d.n_in) in_[a.in] += out_[a.out];
+  for (const std::vector<AlteredPort>* all : {&base_.altered_commands_, &base_.altered_in_}) scale_altered(*all, d.in, d.n_in, in_);
 }
 
 /// With the rates of its mounts, inputs and states as they are.
@@ -502,6 +557,7 @@ bool DeviceTangents::differentiate(int index) {
   cardan_device_out out{zdot, out_.data() + d.out, loads_.data() + d.mount, 0.0, 0.0};
   const bool good = d.family->tangent ? d.family->tangent(&at, &along, &out) == 0 : by_differences(d, at, along, out);
   if (!good) fault_of_ = index;
+  scale_altered(base_.altered_out_, d.out, d.n_out, out_);
   return good;
 }
 

@@ -35,6 +35,13 @@ struct ForeignCall {
   const char* function = "";
 };
 
+/// A port with a fault: whoever reads it gets scale x + offset + drift (t - since) in place of x.
+struct AlteredPort {
+  int index;  // as in Devices::in0, or of all outputs
+  double scale = 1.0, offset = 0.0, drift = 0.0, since = 0.0;
+  double operator()(double x, double t) const { return scale * x + offset + drift * (t - since); }
+};
+
 /// All devices of a model, in double. Keeps what the last evaluation found.
 class DeviceForces : public StateLoads<double> {
  public:
@@ -45,6 +52,11 @@ class DeviceForces : public StateLoads<double> {
 
   /// Of inputs that are commanded, device by device; those of connected ones are not read. SI.
   std::vector<double> commands;
+
+  /// Ports with faults from the next evaluation on, and no others; each once.
+  void alter(std::vector<AlteredPort> inputs, std::vector<AlteredPort> outputs);
+  /// Commands and faults of another one of the same model.
+  void take_commands(const DeviceForces& other);
 
   void set(const DeviceState<double>& state);
   /// At the states and the time that it has, what it pushes with goes here from now on, as DeviceState says.
@@ -139,14 +151,16 @@ class DeviceForces : public StateLoads<double> {
     const cardan_device_args* args;
     cardan_device_out* out;
     int device;
-    bool connected;      // one of its inputs is
-    Range given, added;  // in given_, added_
+    bool connected;                             // one of its inputs is
+    Range given, added;                         // in given_, added_
+    Range altered_in{0, 0}, altered_out{0, 0};  // in altered_in_, altered_out_
   };
   bool look_at_fields(bool in_steps);
   bool evaluate_acting();
   bool evaluate_others();
   bool evaluate(const std::vector<Call>& calls, const std::vector<Range>& numbers);
   void take_connected(const Call& call);
+  void alter_outputs(const Call& call, double* out) const;
   /// What `follow` of a device reads.
   cardan_device_args followed(int device) const;
   void zero(const std::vector<Range>& numbers);
@@ -176,6 +190,8 @@ class DeviceForces : public StateLoads<double> {
   std::vector<std::pair<int, int>> given_;  // connected inputs, device by device, and the outputs they hang on
   std::vector<AddedOutput> added_;          // outputs that are added to those, likewise
   std::vector<Range> commanded_;            // the other inputs
+  // By index: of commanded inputs, of connected ones, of outputs.
+  std::vector<AlteredPort> altered_commands_, altered_in_, altered_out_;
   DeviceFault fault_;
   mutable std::vector<Vec3<double>> stored_;  // of one device: stored_momentum()
   mutable ForeignCall called_;

@@ -118,6 +118,7 @@ void Simulation::take_in() {
   build();
   for (std::size_t i = 0; devices && i < devices->commands.size(); ++i)
     if (map.in[i] >= 0) devices_->commands[static_cast<std::size_t>(map.in[i])] = devices->commands[i];
+  alter_ports();
   for (const Prescribed& p : prescribed)
     for (Prescribed& now : prescribed_)
       if (p.given && map.v[static_cast<std::size_t>(p.index)] == now.index) now.profile = p.profile, now.given = true;

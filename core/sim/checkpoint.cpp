@@ -14,7 +14,7 @@ void Simulation::remember(Archive& a) {
   const auto numbers = [](Eigen::VectorXd& x) { return std::span(x.data(), static_cast<std::size_t>(x.size())); };
   a.block("state").finite(state_.t, numbers(state_.q), numbers(state_.v), numbers(state_.z), numbers(state_.marks));
   a.block("commands")(std::span(tau_));
-  if (devices_) a(std::span(devices_->commands), std::span(delayed_), std::span(last_set_));
+  if (devices_) a(std::span(devices_->commands), std::span(delayed_), std::span(last_set_), faults_);
   for (NodeWrench& w : wrenches_) a(w.f.n.x, w.f.n.y, w.f.n.z, w.f.f.x, w.f.f.y, w.f.f.z);
   a.block("given motion");
   for (Prescribed& p : prescribed_) a(p.profile, p.given, p.t_0, p.q_0);
@@ -48,6 +48,7 @@ Checkpoint Simulation::checkpoint() {
   if (!std::exchange(begun_, true)) {
     schedule_.start(state_.t);
     std::ranges::fill(last_set_, state_.t);
+    begin_faults_anew();
     start_devices();
     begin_ledger();
     history_.begin(state_.t, static_cast<int>(x_.size()));
@@ -70,6 +71,7 @@ void Simulation::resume(const Checkpoint& checkpoint) {
   Archive all(checkpoint);
   history_.resize(model_->nq + model_->nv + model_->devices.n_z);
   remember(all);
+  alter_ports();
   tau_total_ = tau_;
   changed();
   rates_were_set_ = false;

@@ -223,6 +223,16 @@ std::string place_text(const PlaceSpec& place) {
   return p.isZero() ? body : fmt::format("{} at [{:.10g}, {:.10g}, {:.10g}]", body, p.x(), p.y(), p.z());
 }
 
+/// Of ports, which the mission has declared.
+Json faults(const Simulation& sim) {
+  Json all = Json::array();
+  for (const RunningFault& f : sim.faults()) {
+    all.push_back({{"port", sim.told_port(f)}, {"fault", sim.told_fault(f)}, {"from", f.from}});
+    if (std::isfinite(f.until)) all.back()["until"] = f.until;
+  }
+  return all;
+}
+
 /// "2 arm + 0.5 wheel"
 std::string sum_text(const std::vector<LoopSpec::Term>& terms) {
   std::string text;
@@ -618,6 +628,7 @@ Json describe(Simulation& sim, bool measured, int n_modes) {
           {"gravity", gravity_text(m.gravity)},
           {"fields", fields(m)},
           {"devices", devices(m)},
+          {"faults", faults(sim)},
           {"loops", loops(sim)},
           {"program", program_text(m, costs, measured)},
           {"workspace_bytes", soa::workspace_bytes(m)},

@@ -147,6 +147,11 @@ std::string description_text(const Json& d) {
                            state["unit"].get<std::string>());
     out += fmt::format("  {:<17} {}{}\n", device["name"].get<std::string>(), device["type"].get<std::string>(), about);
   }
+  const Json faults = d.value("faults", Json::array());
+  if (!faults.empty()) out += "\nfaults of ports\n";
+  for (const Json& fault : faults)
+    out += fmt::format("  {:<17} {}, from {:g} s{}\n", fault["port"].get<std::string>(), fault["fault"].get<std::string>(),
+                       fault["from"].get<double>(), fault.contains("until") ? fmt::format(" to {:g} s", fault["until"].get<double>()) : "");
 
   const Json loops = d.value("loops", Json());
   if (!loops.is_null() && !loops["all"].empty()) {

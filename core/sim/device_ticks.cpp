@@ -35,8 +35,12 @@ void Simulation::sample_devices(bool late) {
     noise_.resize(std::max(noise_.size(), numbers_of_tick(d)));
     const auto id = static_cast<std::size_t>(id_of(now_.device, i));
     add_task(
-        period, offset, [this, id, seconds] { shift_delays(now_.device[id]), tick_device(now_.device[id], seconds); }, false,
-        static_cast<int>(id));
+        period, offset,
+        [this, id, seconds] {
+          const int device = now_.device[id];
+          shift_delays(device), draw_faults(device, true), tick_device(device, seconds), draw_faults(device, false);
+        },
+        false, static_cast<int>(id));
   }
   if (!late) return;
   // After all ticks of an instant: what is taken later is what outputs are now.

@@ -178,7 +178,7 @@ void Simulation::start_closed() {
 }
 
 double Simulation::next_corner() const {
-  double t = next_timeout();
+  double t = std::min(next_timeout(), next_fault());
   for (const auto& p : prescribed_) t = std::min(t, p.profile.next_corner(state_.t));
   for (const auto& p : prescribed_loops_) t = std::min(t, p.profile.next_corner(state_.t));
   return t;

@@ -34,7 +34,7 @@ bool Holding::accelerate() {
 }
 
 bool Holding::look(const DeviceForces& known, const Inputs& in, double t, const double* z, const double* marks) {
-  devices_.commands = known.commands;
+  devices_.take_commands(known);
   wrenches_.assign(in.wrenches.begin(), in.wrenches.end());
   use_ = in;
   if (fields_) use_.moment = &fields_->at(field_of_gravity(model_), t);

@@ -148,7 +148,7 @@ void Simulation::take_over(const Simulation& other) {
   prescribed_ = other.prescribed_;
   if (prescribed_loops_.size() == other.prescribed_loops_.size())  // not of loops that were open there
     prescribed_loops_ = other.prescribed_loops_, drives_ = other.drives_;
-  if (devices_ && other.devices_) devices_->commands = other.devices_->commands;
+  if (devices_ && other.devices_) devices_->take_commands(*other.devices_), faults_ = other.faults_;
   if (delayed_.size() == other.delayed_.size()) delayed_ = other.delayed_;
   for (std::size_t i = 0; i < std::min(wrenches_.size(), other.wrenches_.size()); ++i) wrenches_[i].f = other.wrenches_[i].f;
 }

@@ -17,6 +17,7 @@
 #include "core/sim/holding.hpp"
 #include "core/sim/momentum_keeper.hpp"
 #include "core/sim/motion_profile.hpp"
+#include "core/sim/port_fault.hpp"
 #include "core/sim/run_profile.hpp"
 #include "core/sim/schedule.hpp"
 #include "core/sim/step_history.hpp"
@@ -144,6 +145,18 @@ class Simulation {
   std::span<const NodeWrench> wrenches() const { return wrenches_; }
   /// An input of a device, index as in Devices::in0; commands of one that is connected are not read. A device that acts starts anew.
   void set_device_input(int i, double value);
+  /// A port of a device has a fault from fault.from on, in place of one that it has then; an event in the results when it begins and ends.
+  /// InputError C0301 for numbers out of range, a time that is over, noise of a device without ticks, and a port through which mass flows.
+  /// `told`: where, for these errors.
+  void fault(PortFault fault, const SourceMark& told = {});
+  /// The port has no fault from now on, but for those to come; `device` is an id as in PortFault.
+  void mend(int device, bool input, int place);
+  /// Those that are there or to come.
+  std::span<const RunningFault> faults() const { return faults_; }
+  /// "gyro.rate_x"
+  std::string told_port(const PortFault& fault) const;
+  /// "stuck at 0 N m", "scale 0.5, bias 0.01 N m"
+  std::string told_fault(const PortFault& fault) const;
   /// Of gravity that is a field, at the present state; null: it is none.
   const FieldMoment* gravity_moment() { return fields_ ? (observe(), moment_) : nullptr; }
   /// Evaluated at the present state; null where there are none.
@@ -294,6 +307,13 @@ class Simulation {
   void sample_delays(int clock);
   void expire_commands();
   double next_timeout() const;
+  void change_faults();
+  void begin_faults_anew();
+  void end_fault(std::ptrdiff_t i);
+  double next_fault() const;
+  void alter_ports();
+  void renew(const PortFault& fault);
+  void draw_faults(int device, bool inputs);
   Inputs inputs(const double* q, const double* v) const {
     return {.q = q,
             .v = v,
@@ -420,6 +440,7 @@ class Simulation {
   std::vector<Line> lines_;
   std::vector<double> delayed_;   // line by line, the oldest first
   std::vector<double> last_set_;  // [s] of Devices::timeouts; infinite: it is at its safe value
+  std::vector<RunningFault> faults_;
   std::vector<Event> events_;
   struct Limit {
     int q, v, side;  // of the component; 1: an upper limit, -1: a lower one

@@ -30,6 +30,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
     begun_ = true;
     schedule_.start(state_.t);
     std::ranges::fill(last_set_, state_.t);
+    begin_faults_anew();
     start_devices();
     start_lengths();
     start_closed();
@@ -41,6 +42,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   looked_at_ = steps_, t_looked_at_ = state_.t;
   while (!stopped_) {
     doing_ = RestartCause::tick;
+    change_faults();
     tick();  // controllers, then outputs, in the order they were registered
     expire_commands();
     if (next_model_) take_in();

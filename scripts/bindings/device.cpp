@@ -6,6 +6,7 @@
 #include "core/abi/port_vectors.hpp"
 #include "core/base/units.hpp"
 #include "scripts/bindings/handle.hpp"
+#include "scripts/lua/table.hpp"
 
 namespace cardan {
 namespace {
@@ -15,16 +16,16 @@ const Device& device_of(const Handle& h) {
   return s.model->devices.all[static_cast<std::size_t>(s.sim->now().device[static_cast<std::size_t>(h.index)])];
 }
 
-/// Where what argument 2 names stands: a number among inputs, outputs, states, marks, or a vector of ports; refused if there is none.
+/// Where what argument `arg` names stands: a number among inputs, outputs, states, marks, or a vector of ports; refused if there is none.
 struct Place {
   enum class What { input, output, state, mark } what;
   int index;       // of the model
   int size = 0;    // of a vector; 0: it is a number
   int valid = -1;  // which output says whether it holds; -1: it always does
 };
-Place place(lua_State* L, const Handle& h, std::initializer_list<Place::What> of) {
+Place place(lua_State* L, const Handle& h, std::initializer_list<Place::What> of, int arg = 2) {
   const Device& d = device_of(h);
-  const std::string wanted = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : "";
+  const std::string wanted = lua_type(L, arg) == LUA_TSTRING ? lua_tostring(L, arg) : "";
   std::vector<std::string> names;
   for (const Place::What what : of) {
     if (what == Place::What::state || what == Place::What::mark) {
@@ -52,7 +53,7 @@ Place place(lua_State* L, const Handle& h, std::initializer_list<Place::What> of
   }
   refuse(L, Code::unknown_name, "device " + d.name,
          names.empty() ? fmt::format("nothing: a {} has no such numbers", d.family->type) : fmt::format("one of: {}", listed(names)),
-         lua_type(L, 2) == LUA_TSTRING ? in_quotes(wanted) : describe_value(L, 2), did_you_mean(wanted, names));
+         lua_type(L, arg) == LUA_TSTRING ? in_quotes(wanted) : describe_value(L, arg), did_you_mean(wanted, names));
 }
 
 int device_set(lua_State* L) {
@@ -113,10 +114,88 @@ int device_valid(lua_State* L) {
   return 1;
 }
 
+/// The faults of the ports that argument 2 tells of, without numbers.
+std::vector<PortFault> faults_of(const Handle& h, const Place& p) {
+  const Device& d = device_of(h);
+  const bool input = p.what == Place::What::input;
+  std::vector<PortFault> all;
+  for (int i = 0; i < std::max(p.size, 1); ++i)
+    all.push_back({.device = h.index, .input = input, .place = p.index - (input ? d.in : d.out) + i});
+  return all;
+}
+
+/// Each of these numbers: one for all ports of a vector, or a list.
+void read_each(lua_State* L, LuaTable& t, const char* key, const std::string& unit, std::vector<PortFault>& of, double PortFault::*number) {
+  const bool list = lua_getfield(L, 2, key) == LUA_TTABLE;
+  lua_pop(L, 1);
+  if (!list) {
+    const auto x = t.number(key, unit);
+    for (PortFault& f : of) f.*number = x.value_or(f.*number);
+  } else if (const auto all = t.numbers(key, of.size(), unit)) {
+    for (std::size_t i = 0; i < of.size(); ++i) of[i].*number = (*all)[i];
+  }
+}
+
+int device_fault(lua_State* L) {
+  const Handle& h = self<Kind::device>(L);
+  Scenario& s = *h.scenario;
+  expect_state(L, s, "a fault");
+  lua_settop(L, 2);
+  DiagnosticSink sink;
+  LuaTable t(L, 2, "fault of " + device_of(h).name, sink);
+  sink.throw_if_any();
+  t.require({"port"});
+  sink.throw_if_any();
+  t.has("port");
+  lua_getfield(L, 2, "port");
+  const Place p = place(L, h, {Place::What::output, Place::What::input}, lua_gettop(L));
+  lua_pop(L, 1);
+  std::vector<PortFault> faults = faults_of(h, p);
+  const Device& d = device_of(h);
+  const std::string unit = port_at(*d.family, faults[0].input ? CARDAN_PORT_IN : CARDAN_PORT_OUT, faults[0].place).unit;
+  bool any = false;
+  for (const char* key : {"scale", "bias", "drift", "stuck", "noise", "drop"}) any = t.has(key) || any;
+  if (!any) t.reject("port", "beside it one of: scale, bias, drift, stuck, noise, drop", "what is wrong with it; `mend` ends a fault");
+  read_each(L, t, "scale", "1", faults, &PortFault::scale);
+  read_each(L, t, "bias", unit, faults, &PortFault::bias);
+  read_each(L, t, "drift", unit == "1" ? "1/s" : unit + "/s", faults, &PortFault::drift);
+  read_each(L, t, "noise", unit, faults, &PortFault::noise);
+  read_each(L, t, "drop", "1", faults, &PortFault::drop);
+  const int stuck = lua_getfield(L, 2, "stuck");
+  lua_pop(L, 1);
+  if (stuck == LUA_TBOOLEAN) {
+    if (!t.flag("stuck").value_or(true)) t.reject("stuck", "true: at what it is then, or a number");
+    for (PortFault& f : faults) f.stuck = true;
+  } else if (stuck != LUA_TNIL) {
+    std::vector<PortFault> at = faults;
+    read_each(L, t, "stuck", unit, at, &PortFault::bias);
+    for (std::size_t i = 0; i < faults.size(); ++i) faults[i].stuck = true, faults[i].value = at[i].bias;
+  }
+  const auto from = t.number("from", "s");
+  const auto until = t.number("until_", "s");
+  t.finish();
+  sink.throw_if_any();
+  for (PortFault& f : faults) f.from = from.value_or(f.from), f.until = until.value_or(f.until);
+  for (const PortFault& f : faults) s.sim->fault(f, LuaHost::caller(L));
+  return 0;
+}
+
+int device_mend(lua_State* L) {
+  const Handle& h = self<Kind::device>(L);
+  Scenario& s = *h.scenario;
+  expect_state(L, s, "a fault");
+  for (const PortFault& f : faults_of(h, place(L, h, {Place::What::output, Place::What::input}))) s.sim->mend(f.device, f.input, f.place);
+  return 0;
+}
+
 }  // namespace
 
 const std::vector<luaL_Reg>& device_methods() {
-  static const std::vector<luaL_Reg> all = {{"set", method<device_set>}, {"get", method<device_get>}, {"valid", method<device_valid>}};
+  static const std::vector<luaL_Reg> all = {{"set", method<device_set>},
+                                            {"get", method<device_get>},
+                                            {"valid", method<device_valid>},
+                                            {"fault", method<device_fault>},
+                                            {"mend", method<device_mend>}};
   return all;
 }
 

@@ -190,6 +190,15 @@ Warnings open_latches(const Simulation& sim) {
   return found;
 }
 
+Warnings faults_to_come(const Simulation& sim) {
+  Warnings found;
+  for (const RunningFault& f : sim.faults())
+    if (!f.begun)
+      found.add(Code::no_effect, {"fault of " + sim.told_port(f), {}},
+                fmt::format("it begins at {:g} s, and the run ended before", f.from));
+  return found;
+}
+
 double shortest_interval(const Scenario& s) {
   double interval = s.sim->shortest_period();
   const bool phases_tick = s.controllers.empty() && !s.phases.empty();

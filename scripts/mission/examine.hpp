@@ -16,6 +16,8 @@ void expect_away_from_centre(const std::shared_ptr<const Model>&, const double* 
 Warnings still_hinges(const Simulation&);
 /// Devices that wait to catch something, as a mark `closed` says, and have not: `missed`, another one, says how often they could have.
 Warnings open_latches(const Simulation&);
+/// Faults of ports that were still to begin when the run ended.
+Warnings faults_to_come(const Simulation&);
 /// [s] Between ticks of its controllers, or rows.
 double shortest_interval(const Scenario&);
 /// True if the script has functions that run during the mission: what stands still before it may move then.

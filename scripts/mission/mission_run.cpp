@@ -119,7 +119,7 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
     add_limits();
     look_elsewhere();
     if (scripts_act(s_)) s_.warnings.add(s_.changes.without_effect()), s_.warnings.add(still_hinges(*s_.sim));
-    s_.warnings.add(open_latches(*s_.sim)), s_.warnings.add(never_happened());
+    s_.warnings.add(open_latches(*s_.sim)), s_.warnings.add(faults_to_come(*s_.sim)), s_.warnings.add(never_happened());
     note_warnings();
   } catch (const InputError& e) {
     add_limits();

@@ -96,6 +96,30 @@ TEST(Devices, TakePartInLinearModelsOfAPart) {
   EXPECT_GT(compared, 10);
 }
 
+/// What is told to a wheel and what it tells, by half: B and C of the linear model.
+TEST(Devices, HaveFaultsOfPortsInLinearModels) {
+  SystemSpec spec = system({on(rigid("bus", 20.0, {0, 0, 0}, diagonal({2, 3, 4})), "", "free")});
+  spec.devices = {device("wheel", "momentum_wheel", {{"inertia", 0.05}, {"viscous", 0.01}}, {{"at", "bus"}})};
+  const auto linear = [&spec](bool faulty) {
+    Simulation sim(compiled(spec), {});
+    sim.set_device_input(0, 0.4);
+    if (faulty) {
+      PortFault in{.device = 0, .input = true}, out{.device = 0, .place = 1};
+      in.scale = 0.5, in.bias = 0.2, out.scale = -3.0;
+      sim.fault(in), sim.fault(out);
+    }
+    TreeOperators ops(sim.shared_model());
+    ops.at(sim.state().q.data());
+    return linear_of(sim, ops, {{"wheel:torque"}, {"wheel:rate"}});
+  };
+  const operators::LinearModel sound = linear(false), faulty = linear(true);
+  EXPECT_GT(largest(sound.B), 1e-2);
+  EXPECT_LT(distance(faulty.B, 0.5 * sound.B), 1e-15);
+  EXPECT_LT(distance(faulty.C, -3.0 * sound.C), 1e-14);
+  EXPECT_LT(distance(faulty.A, sound.A), 1e-15);
+  EXPECT_LT(distance(faulty.drift, sound.drift), 1e-15) << "0.5 * 0.4 + 0.2 is 0.4";
+}
+
 /// What varies the mass of a body has rates that blocks of a part do not.
 TEST(Devices, ThatCarryMassRefuseLinearModelsOfAPart) {
   SystemSpec spec = system({on(rigid("bus", 20.0, {0, 0, 0}, diagonal({2, 3, 4})), "", "free"),

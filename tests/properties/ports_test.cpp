@@ -331,5 +331,201 @@ TEST(Ports, AreRefusedWhereTwoSayWhetherTheyHold) {
   EXPECT_NE(told.find("give devices.asks.inputs.sure itself"), std::string::npos) << told;
 }
 
+/// The fault of an output, or of an input, of the device with this name.
+PortFault fault_of(const Simulation& sim, const std::string& name, bool input, int place = 0) {
+  return {.device = sim.model().devices.find(name), .input = input, .place = place};
+}
+double state_of(const Simulation& sim, const std::string& name) {
+  return sim.state().z[sim.model().devices.all[static_cast<std::size_t>(sim.model().devices.find(name))].z];
+}
+
+/// Whoever reads it gets s x + b + d (t - t_0), or what it is stuck at, between two instants that are no ticks of anybody.
+TEST(PortFaults, AreSeenByWhoeverReads) {
+  for (const char* method : {"dopri5", "cvode_bdf", "between steps"}) {
+    DeviceSpec one = block("one", "integral"), two = block("two", "integral"), told = block("told", "integral"),
+               sum = block("sum", "integral");
+    one.inputs["x"] = two.inputs["x"] = from("clock.y");
+    told.inputs["x"] = {0.7, {}};
+    sum.inputs["x"] = from("clock.y + other.y");
+    SimulationOptions options;
+    options.integrator.relative_tolerance = 1e-12, options.absolute_tolerance = 1e-12;
+    options.between_steps = method == std::string("between steps");
+    if (!options.between_steps) options.integrator.method = method;
+    Simulation sim(with_own({block("clock", "clock"), block("other", "clock"), one, two, told, sum}), options);
+    const double a = std::sqrt(0.2), b = std::sqrt(2.0);
+    PortFault output = fault_of(sim, "clock", false), input = fault_of(sim, "two", true), command = fault_of(sim, "told", true);
+    output.scale = 2.0, output.bias = 1.0, output.drift = -3.0, output.from = a, output.until = b;
+    input.scale = -1.0, input.bias = 0.25, input.from = 0.3, input.until = 1.7;
+    command.stuck = true, command.value = -2.0, command.from = 0.1, command.until = 0.6;
+    for (const PortFault& f : {output, input, command}) sim.fault(f);
+    sim.run(0.5), sim.observe();
+    EXPECT_NEAR(sim.device_output(output.place + sim.model().devices.all[static_cast<std::size_t>(output.device)].out),
+                2.0 * 0.5 + 1.0 - 3.0 * (0.5 - a), 1e-15);
+    sim.run(2.0);
+    // integral of t, and of what is wrong with it: (2 - 1) t + 1 - 3 (t - a) from a to b
+    const auto wrong = [a](double t) { return 0.5 * t * t + t - 1.5 * (t - a) * (t - a); };
+    const double sound = 2.0, off = wrong(b) - wrong(a);
+    const double tolerance = method == std::string("cvode_bdf") ? 1e-8 : 1e-11;
+    EXPECT_NEAR(state_of(sim, "one"), sound + off, tolerance) << method;
+    EXPECT_NEAR(state_of(sim, "sum"), 2.0 * sound + off, tolerance) << method;
+    // the input of `two` turns what came in, the fault of the output included
+    const double within = 0.5 * (1.7 * 1.7 - 0.3 * 0.3) + off;
+    EXPECT_NEAR(state_of(sim, "two"), sound + off - 2.0 * within + 0.25 * 1.4, tolerance) << method;
+    EXPECT_NEAR(state_of(sim, "told"), 0.7 * 1.5 - 2.0 * 0.5, tolerance) << method;
+    EXPECT_TRUE(sim.faults().empty());
+  }
+}
+
+/// Stuck at what it is when the fault begins; another fault takes its place, and it may be mended before its time.
+TEST(PortFaults, AreStuckReplacedAndMended) {
+  Simulation sim(with_own({block("clock", "clock")}), {});
+  PortFault f = fault_of(sim, "clock", false);
+  f.stuck = true, f.from = 0.25, f.until = 9.0;
+  sim.fault(f);
+  sim.run(0.7);
+  EXPECT_EQ(sim.device_output(0), 0.25);
+  PortFault other = fault_of(sim, "clock", false);
+  other.bias = 10.0, other.from = 0.7;
+  sim.fault(other);
+  other.bias = -10.0, other.from = 1.0, other.until = 1.5;
+  sim.fault(other);
+  sim.fault(fault_of(sim, "clock", false));  // nothing is wrong with it
+  EXPECT_EQ(sim.faults().size(), 2U);
+  EXPECT_EQ(sim.device_output(0), 10.7);
+  sim.run(0.8);
+  sim.mend(f.device, false, 0);
+  EXPECT_EQ(sim.device_output(0), 0.8);
+  sim.mend(f.device, false, 0);  // there is none
+  sim.run(1.25);
+  EXPECT_EQ(sim.device_output(0), -8.75);
+  sim.run(1.75);
+  EXPECT_EQ(sim.device_output(0), 1.75);
+  EXPECT_TRUE(sim.faults().empty());
+}
+
+/// At an instant of the tick of a device a fault that begins or ends there has done so.
+TEST(PortFaults, BeginAndEndBeforeTheTicksOfTheirInstant) {
+  DeviceSpec held = block("held", "sampler", 10.0);
+  held.inputs["x"] = from("clock.y");
+  Simulation sim(with_own({block("clock", "clock"), held}), {});
+  PortFault f = fault_of(sim, "clock", false);
+  f.bias = 5.0, f.from = 0.2, f.until = 0.4;
+  sim.fault(f);
+  std::vector<double> seen;
+  sim.every({1, 10}, [&] { seen.push_back(sim.device_output(output(sim.model(), "held"))); });
+  sim.run(0.65);
+  const std::vector<double> ticks = {0.0, 0.1, 5.2, 5.3, 0.4, 0.5};  // seen one tick later, as controllers come before
+  ASSERT_EQ(seen.size(), 7U);
+  for (std::size_t k = 0; k < ticks.size(); ++k) EXPECT_NEAR(seen[k + 1], ticks[k], 1e-15) << k;
+}
+
+/// Noise has its standard deviation and is drawn by the seed and the name; a lost tick leaves what was before it.
+TEST(PortFaults, AreDrawnAtTicks) {
+  DeviceSpec held = block("held", "sampler", 1000.0), in = block("in", "sampler", 1000.0), lossy = block("lossy", "sampler", 1000.0);
+  held.inputs["x"] = {3.0, {}};
+  in.inputs["x"] = lossy.inputs["x"] = from("clock.y");
+  struct Seen {
+    std::vector<double> noise, in, out;
+  };
+  const auto run = [&](std::uint64_t seed) {
+    SimulationOptions options;
+    options.seed = seed;
+    Simulation sim(with_own({block("clock", "clock"), held, in, lossy}), options);
+    PortFault noise = fault_of(sim, "held", false), input = fault_of(sim, "in", true), output_lost = fault_of(sim, "lossy", false);
+    noise.noise = 0.5, noise.bias = 1.0, input.drop = 0.3, output_lost.drop = 0.3;
+    for (const PortFault& f : {noise, input, output_lost}) sim.fault(f);
+    Seen seen;
+    sim.every({1, 1000}, [&] {
+      const Model& m = sim.model();
+      seen.noise.push_back(sim.device_output(output(m, "held")) - 4.0), seen.in.push_back(sim.device_output(output(m, "in")));
+      seen.out.push_back(sim.device_output(output(m, "lossy")));
+    });
+    sim.run(4.0005);
+    return seen;
+  };
+  const Seen seen = run(1), again = run(1), other = run(2);
+  EXPECT_EQ(seen.noise, again.noise);
+  EXPECT_NE(seen.noise, other.noise);
+  const auto n = static_cast<double>(seen.noise.size() - 1);
+  double sum = 0.0, squares = 0.0, next = 0.0;
+  for (std::size_t k = 1; k < seen.noise.size(); ++k) {
+    sum += seen.noise[k], squares += seen.noise[k] * seen.noise[k];
+    if (k > 1) next += seen.noise[k] * seen.noise[k - 1];
+  }
+  EXPECT_NEAR(sum / n, 0.0, 4.0 * 0.5 / std::sqrt(n));  // four standard deviations of each
+  EXPECT_NEAR(squares / n, 0.25, 4.0 * 0.25 * std::sqrt(2.0 / n));
+  EXPECT_NEAR(next / n, 0.0, 4.0 * 0.25 / std::sqrt(n));
+  for (const std::vector<double>* all : {&seen.in, &seen.out}) {
+    int lost = 0;
+    for (std::size_t k = 2; k < all->size(); ++k) {  // what came at tick k - 1, as the controller sees it
+      const double now = static_cast<double>(k - 1) / 1000.0;
+      if ((*all)[k] != (*all)[k - 1])
+        EXPECT_NEAR((*all)[k], now, 1e-12) << k;
+      else
+        ++lost;
+    }
+    EXPECT_NEAR(lost / n, 0.3, 4.0 * std::sqrt(0.3 * 0.7 / n));
+  }
+  EXPECT_NE(seen.in, seen.out);
+}
+
+/// The same bits as if the run had never stopped: before, while and after there is a fault.
+TEST(PortFaults, AreInCheckpoints) {
+  DeviceSpec held = block("held", "sampler", 10.0, 0.03), sum = block("sum", "integral");
+  held.inputs["x"] = from("clock.y");
+  sum.inputs["x"] = from("held.y");
+  const auto model = with_own({block("clock", "clock"), held, sum});
+  const auto declare = [](Simulation& sim) {
+    PortFault stuck = fault_of(sim, "clock", false), lost = fault_of(sim, "held", true), noise = fault_of(sim, "held", false);
+    stuck.stuck = true, stuck.from = 0.21, stuck.until = 0.48;
+    lost.drop = 0.5, lost.from = 0.1, lost.until = 1.2, noise.noise = 0.1, noise.scale = 2.0, noise.from = 0.4;
+    for (const PortFault& f : {stuck, lost, noise}) sim.fault(f);
+  };
+  for (const double split : {0.0, 0.21, 0.3, 0.48, 0.73, 1.3}) {
+    Simulation whole(model, {}), part(model, {});
+    declare(whole);
+    if (split > 0.0) whole.run(split);
+    part.resume(whole.checkpoint());
+    whole.run(1.5), part.run(1.5);
+    EXPECT_TRUE(whole.state().z == part.state().z && whole.state().marks == part.state().marks) << split;
+    EXPECT_EQ(whole.statistics().steps, part.statistics().steps) << split;
+    EXPECT_EQ(part.faults().size(), 1U);
+  }
+}
+
+TEST(PortFaults, ThatCannotBeAreRefused) {
+  SystemSpec spec = system({on(rigid("bus", 20.0, {0, 0, 0}, diagonal({2, 3, 4})), "", "free")});
+  spec.devices = {device("tank", "tank", {{"radius", 0.2}, {"density", 1000.0}, {"pressure", 20.0}, {"loaded", 2.0}}, {{"at", "bus"}}),
+                  device("thruster", "thruster", {{"thrust", 1.0}, {"specific_impulse", 200.0}}, {{"at", "bus"}})};
+  spec.devices[1].params["direction"].value = std::vector<double>{0.0, 0.0, 1.0};
+  spec.devices[0].inputs["flow"] = from("thruster.flow"), spec.devices[1].inputs["supply"] = from("tank.supply");
+  Simulation sim(compiled(spec), {});
+  const auto told = [&sim](const PortFault& f) -> std::string {
+    try {
+      sim.fault(f);
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "none";
+  };
+  const auto with = [&](const auto& change) {
+    PortFault f = fault_of(sim, "thruster", true);
+    change(f);
+    return told(f);
+  };
+  const auto has = [](const std::string& text, const char* part) { return text.find(part) != std::string::npos; };
+  EXPECT_EQ(with([](PortFault& f) { f.scale = 0.5; }), "none");
+  EXPECT_TRUE(has(with([](PortFault& f) { f.bias = std::nan(""); }), "fault of thruster.command.bias"));
+  EXPECT_TRUE(has(with([](PortFault& f) { f.noise = 0.1; }), "a device that samples"));
+  EXPECT_TRUE(has(with([](PortFault& f) { f.drop = 1.5; }), "a probability from 0 to 1"));
+  EXPECT_TRUE(has(with([](PortFault& f) { f.from = 2.0, f.until = 1.0; }), "after that at which it begins"));
+  EXPECT_TRUE(has(with([](PortFault& f) { f.from = -1.0; }), "a time [s] from now on, 0 s"));
+  EXPECT_TRUE(has(with([](PortFault& f) { f.stuck = true, f.bias = 1.0; }), "nothing beside it"));
+  EXPECT_TRUE(has(with([](PortFault& f) { f.place = 7; }), "C0301"));
+  EXPECT_TRUE(has(told(fault_of(sim, "thruster", false, 1)), "one through which mass flows"));
+  EXPECT_TRUE(has(told(fault_of(sim, "tank", true)), "one through which mass flows"));
+  EXPECT_EQ(told(fault_of(sim, "thruster", true, 1)), "none");
+}
+
 }  // namespace
 }  // namespace cardan::test

@@ -539,6 +539,24 @@ function Device:get(name) end
 ---@param output string its name, or that of a vector
 ---@return boolean valid
 function Device:valid(output) end
+--- A port has a fault: whoever reads it, the script too, gets scale x + bias + drift (t - from) + noise in place of x, or what it is stuck
+--- at. It begins and ends at these instants, which end steps; events of the results tell them. A port has one fault at a time:
+--- where another one begins it takes its place.
+---@class PortFault
+---@field port string an output or an input; of a vector its name, then numbers are of all or lists
+---@field scale? number|number[] 1 if absent; -1 turns the sign
+---@field bias? number|string|(number|string)[] in the unit of the port
+---@field drift? number|string|(number|string)[] [unit of the port / s]
+---@field stuck? true|number|string|(number|string)[] true: at what it is when the fault begins; 0: dead. With none of the others
+---@field noise? number|string|(number|string)[] standard deviation, drawn at each tick of its device, which samples
+---@field drop? number|number[] probability that a tick is lost: the number before it stays
+---@field from? number|string [s], now if absent
+---@field until_? number|string [s]; without it until `mend`
+---@param fault PortFault
+function Device:fault(fault) end
+--- Ends the fault that the port has now; those to come stay.
+---@param port string
+function Device:mend(port) end
 
 -- ---- vectors and matrices ----
 

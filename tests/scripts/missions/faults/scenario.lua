@@ -1,0 +1,62 @@
+-- Faults of ports: each kind, of what devices tell and of what they are told, read by the script and by other devices.
+device { type = "lua/monitor", inputs = { one = "rad/s", other = "rad/s" }, outputs = { apart = "rad/s" },
+         tick = function(a) return { apart = a.one - a.other } end }
+device { type = "lua/twice", inputs = { one = "rad/s" }, outputs = { both = "rad/s" }, in_step = true,
+         evaluate = function(a) return { both = 2 * a.one } end }
+local sat = vehicle "vehicle.yaml"
+mission { duration = "10 s", output = { rate = "10 Hz" } }
+local wheel, gyro, noisy, monitor, twice = sat:device "wheel", sat:device "gyro", sat:device "noisy", sat:device "monitor", sat:device "twice"
+
+-- The wheel takes 0.2 N m from a bus of 40 kg m^2, half of it from 4 s to 6 s, nothing from 8 s on.
+wheel:set("torque", 0.2)
+wheel:fault { port = "torque", scale = 0.5, from = "4 s", until_ = "6 s" }
+local function rate(t)
+  return 0.1 - 0.005 * (math.min(t, 4) + 0.5 * math.max(0, math.min(t, 6) - 4) + math.max(0, math.min(t, 8) - 6))
+end
+
+gyro:fault { port = "rate_z", bias = "0.02 rad/s", from = "1 s", until_ = "2 s" }
+noisy:fault { port = "rate", noise = { "0 rad/s", "0.1 deg/s", "0.2 deg/s" } }
+
+local log = persist { n = 0, y = 0, yy = 0, z = 0, zz = 0, yz = 0, worst = 0, apart = 0 }
+local function expect(t, x, what)
+  local told = gyro:get "rate_z"
+  log.worst = math.max(log.worst, math.abs(told - x))
+  if math.abs(told - x) > 1e-9 then error(("%s at %g s: %.12g in place of %.12g"):format(what, t, told, x)) end
+end
+
+controller { name = "looks", rate = "10 Hz", step = function(t)
+  if t > 2.95 and t < 3.05 then gyro:fault { port = "rate_z", drift = "0.01 rad/s^2" } end
+  if t > 3.95 and t < 4.05 then gyro:mend "rate_z" end
+  if t > 4.95 and t < 5.05 then gyro:fault { port = "rate_z", stuck = true } end
+  if t > 5.45 and t < 5.55 then gyro:fault { port = "rate_z", stuck = "3 deg/s" } end
+  if t > 5.95 and t < 6.05 then gyro:fault { port = "rate", scale = { 1, 1, -1 } } end
+  if t > 7.95 and t < 8.05 then wheel:fault { port = "torque", stuck = 0 } gyro:mend "rate" end
+  local k = math.floor(t * 10 + 0.5) / 10
+  if k < 1 then expect(t, rate(t), "sound")
+  elseif k < 2 then expect(t, rate(t) + 0.02, "bias")
+  elseif k < 3 then expect(t, rate(t), "sound again")
+  elseif k < 4 then expect(t, rate(t) + 0.01 * (t - 3), "drift")
+  elseif k < 5 then expect(t, rate(t), "mended")
+  elseif k < 5.5 then expect(t, rate(5), "stuck where it was")
+  elseif k < 6 then expect(t, math.rad(3), "stuck at a number")
+  elseif k < 8 then expect(t, -rate(t), "the sign turned")
+  else expect(t, rate(t), "sound in the end") end
+  if t > 1.45 and t < 1.55 then log.apart = monitor:get "apart" end
+  assert(math.abs(twice:get "both" - 2 * gyro:get "rate_z") < 1e-15)
+end }
+-- In units of 0.1 deg/s: of x nothing, of y noise of 1, of z of 2, each for itself.
+local unit, bus = math.rad(0.1), sat:body "bus"
+controller { name = "statistics", rate = "100 Hz", step = function()
+  local told, _, _, truth = noisy:get "rate", bus:rate()
+  local y, z = told[2] / unit, (told[3] - truth) / unit
+  log.n, log.y, log.yy, log.z, log.zz, log.yz = log.n + 1, log.y + y, log.yy + y * y, log.z + z, log.zz + z * z, log.yz + y * z
+end }
+local function of(x) return function() return x() / log.n end end
+check { name = "worst reading", unit = "rad/s", value = function() return log.worst end, below = 1e-9 }
+check { name = "rate of the bus", unit = "rad/s", value = function() return select(3, bus:rate()) end, equal = { 0.065, tolerance = 1e-11 } }
+-- Four standard deviations of the mean of 1000.
+check { name = "mean, y", value = of(function() return log.y end), within = { -0.127, 0.127 } }
+check { name = "variance, y", value = of(function() return log.yy end), within = { 1 - 0.179, 1 + 0.179 } }
+check { name = "variance, z", value = of(function() return log.zz end), within = { 4 - 0.716, 4 + 0.716 } }
+check { name = "covariance", value = of(function() return log.yz end), within = { -0.253, 0.253 } }
+check { name = "the monitor saw the bias", unit = "rad/s", value = function() return log.apart end, equal = { 0.02, tolerance = 1e-9 } }
