@@ -1,5 +1,6 @@
 #pragma once
-// How often devices end steps by themselves, before a run: what `method = "auto"` counts beside ticks.
+// How often devices end steps by themselves, and how fast they make a vehicle swing, before a run: what `method = "auto"` counts beside
+// ticks, modes and springs.
 #include "core/model/model.hpp"
 
 namespace cardan {
@@ -12,5 +13,9 @@ struct DeviceCorners {
 /// with mounts that stand still there and the inputs of the vehicle file, or commands as large as there are any (a `rate_limit`). Rows of
 /// a record and steps of a drive that turns count; what hangs on the motion (touches, slack) is not known yet.
 DeviceCorners device_corners(const Model& model, double span);
+
+/// [rad/s] The root of the largest eigenvalue of -M^-1 d tau / d q by what devices push with at the start, states and commands held: of a
+/// stepper's field, a bushing. Central differences of v'. 0 where there is none, of closed loops, and where it cannot be evaluated.
+double swing_of_devices(const Model& model);
 
 }  // namespace cardan
