@@ -10,6 +10,7 @@ struct ThirdBody {
   static constexpr std::uint32_t quantity = CARDAN_GRAVITY;
   static constexpr unsigned facts = CARDAN_FIELD_POTENTIAL | CARDAN_FIELD_SOURCE_FREE | CARDAN_FIELD_CURL_FREE;
   static constexpr double distance = 7e6;  // [m] of the laws
+  static constexpr bool gradient_at_once = true;
   struct Packed {
     CelestialPlace place;
     double mu;
