@@ -53,8 +53,8 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
   const bool standard = dynamics == Dynamics::standard;
   const std::string not_linear = standard ? VehicleLinearPart::refusal(*model) : name_of(dynamics) + " dynamics";
   const bool closed_form = angle > kAngle && not_linear.empty() && asked.relative_tolerance >= kFine;
-  const double beside = closed_form ? swing_of_devices(*model) : 0.0;
-  if (closed_form && beside <= kBeside * fastest.rate) {
+  const FastestMotion beside = closed_form ? swing_of_devices(*model, 0.0, start) : FastestMotion{};
+  if (closed_form && beside.rate <= kBeside * fastest.rate) {
     method = "exponential";
     out.why = told + often + ": it is advanced in closed form" +
               (as_commanded ? "; where a mission commands a device that ends steps (a stepper without `rate_limit`) often, dopri5 is faster"
@@ -72,9 +72,8 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
               (fastest.rate <= 0.0   ? ", nothing is elastic or damped"
                : angle <= kAngle     ? ", " + told + ": slow beside that"
                : !not_linear.empty() ? fmt::format(", {}, but exponential does not take {}", told, not_linear)
-               : closed_form         ? fmt::format(", {}, beside devices that make it swing at {:.3g} Hz, which "
-                                                           "exponential does not take in closed form",
-                                                   told, beside / (2.0 * std::numbers::pi))
+               : closed_form         ? fmt::format(", {}, and {} swings at {:.3g} Hz, which exponential does not take in closed form", told,
+                                                   beside.what, beside.rate / (2.0 * std::numbers::pi))
                                      : ", " + told + ", finer than exponential is made for");
   }
   return out;

@@ -82,12 +82,29 @@ TEST(ChooseMethod, KeepsFromClosedFormsWhereDevicesSwingAsFast) {
   for (const double torque : {0.02, 2.0}) {
     SystemSpec spec = with_stepper(0.0, 1);
     spec.devices[0].params["holding_torque"] = {torque, {}};
-    const double swing = swing_of_devices(*compiled(spec)), alone = std::sqrt(torque * std::numbers::pi / (2.0 * step) / inertia);
-    EXPECT_NEAR(swing / alone, 1.0, 0.02) << torque;  // the bus, of 9 kg m^2, gives way
+    const auto model = compiled(spec);
+    const FastestMotion swing = swing_of_devices(*model, 0.0, model->initial_state());
+    const double alone = std::sqrt(torque * std::numbers::pi / (2.0 * step) / inertia);
+    EXPECT_EQ(swing.what, "what devices push with at dish.rate");
+    EXPECT_NEAR(swing.rate / alone, 1.0, 0.02) << torque;  // the bus, of 9 kg m^2, gives way
     const MethodChoice c = choose_method(compiled(spec), 1.0, asked(1e-7));
     EXPECT_EQ(c.options.method, torque < 1.0 ? "exponential" : "dopri5") << c.why;
-    EXPECT_EQ(c.why.find("beside devices that make it swing at ") != std::string::npos, torque > 1.0) << c.why;
+    EXPECT_EQ(c.why.find("what devices push with at dish.rate swings at ") != std::string::npos, torque > 1.0) << c.why;
   }
+}
+
+/// W0401 of a run names what is fastest, be it a device: of its spring 126 rad/s, beside a boom of 82.
+TEST(ChooseMethod, TellsOfDevicesWhereStabilitySetsTheSteps) {
+  SystemSpec spec = with_stepper(0.0, 1);
+  spec.devices[0].params["holding_torque"] = {20.0, {}}, spec.devices[0].params["damping"] = {50.0, {}};
+  spec.bodies.back().hinge.v = {1.0};
+  SimulationOptions options;
+  options.integrator.method = "dopri5", options.integrator.relative_tolerance = 1e-3;
+  Simulation sim(compiled(spec), options);
+  sim.run(20.0);
+  const std::string told = render(sim.warnings());
+  EXPECT_NE(told.find("stability and not accuracy sets the steps of dopri5"), std::string::npos) << told;
+  EXPECT_NE(told.find("; fastest is what devices push with at dish.rate, 126 1/s"), std::string::npos) << told;
 }
 
 TEST(ChooseMethod, CountsTheStepsThatDevicesEndByThemselves) {
