@@ -66,6 +66,7 @@ class BulkData {
         refuse(card, "GRID, CTETRA, CHEXA, CPENTA, PSOLID and MAT1", card.name, other_card(card.name), Code::unsupported);
     }
     for (const Card* card : elements_) element(*card);
+    for (const auto& [id, elements] : weightless_) mesh_.weightless.push_back(fmt::format("MAT1 {} ({})", id, elements));
     for (const auto& [name, times] : passed) mesh_.passed_over.push_back(times == 1 ? name : fmt::format("{} ({})", name, times));
     return std::move(mesh_);
   }
@@ -248,6 +249,7 @@ class BulkData {
     if (material == materials_.end())
       refuse(line, "the number of a MAT1 of the file", fmt::format("material {} of PSOLID {}", id, property), "materials are isotropic");
     e.material = material->second;
+    if (mesh_.materials[static_cast<std::size_t>(e.material)].rho == 0.0) ++weightless_[id];
     mesh_.elements.push_back(std::move(e));
   }
 
@@ -262,7 +264,7 @@ class BulkData {
   void material(const Card& card) {
     const int number = integer(card, 0, "the number of a material");
     const double none = NAN, E = real_or(card, 1, "E", none), G = real_or(card, 2, "G", none), nu = real_or(card, 3, "nu", none);
-    Material m{E, nu, density_ * real(card, 4, "the density rho")};
+    Material m{E, nu, density_ * real_or(card, 4, "the density rho", 0.0)};
     if (std::isnan(E) + std::isnan(G) + std::isnan(nu) > 1) refuse(card, "MAT1 with two of E, G and nu", "fewer");
     if (std::isnan(E)) m.E = 2.0 * G * (1.0 + nu);
     if (std::isnan(nu)) m.nu = E / (2.0 * G) - 1.0;
@@ -270,8 +272,8 @@ class BulkData {
       refuse(card, "E = 2 G (1 + nu): an isotropic material", fmt::format("E = {:g}, G = {:g}, nu = {:g}", E, G, nu),
              "leave one of them out");
     m.E *= stress_;
-    if (!(m.E > 0.0 && m.nu > -1.0 && m.nu < 0.5 && m.rho > 0.0))
-      refuse(card, "MAT1 with E > 0, -1 < nu < 0.5, rho > 0", fmt::format("E = {:g} Pa, nu = {:g}, rho = {:g} kg/m^3", m.E, m.nu, m.rho),
+    if (!(m.E > 0.0 && m.nu > -1.0 && m.nu < 0.5 && m.rho >= 0.0))
+      refuse(card, "MAT1 with E > 0, -1 < nu < 0.5, rho >= 0", fmt::format("E = {:g} Pa, nu = {:g}, rho = {:g} kg/m^3", m.E, m.nu, m.rho),
              {}, Code::out_of_range);
     if (!materials_.emplace(number, static_cast<int>(mesh_.materials.size())).second)
       refuse(card, "a material with a number of its own", fmt::format("MAT1 {} twice", number));
@@ -294,6 +296,7 @@ class BulkData {
   std::vector<const Card*> elements_;
   std::set<int> numbers_;
   std::map<int, int> index_, materials_;           // number -> index
+  std::map<int, int> weightless_;                  // number of a material without density -> how many elements
   std::map<int, std::pair<int, int>> properties_;  // number -> material, line
 };
 

@@ -19,9 +19,10 @@ using Eigen::VectorXd;
 
 constexpr double kMechanism = 1e-13;   // smallest pivot over diagonal: below, K has lost all digits
 constexpr double kRigidMotion = 1e-9;  // relative, of motions scaled by the size of the body
+constexpr double kNoInertia = 1e-14;   // relative, of inertias scaled likewise: the rounding of sums over the nodes
 
-/// An M-orthonormal basis (6 n x r) of the rigid motions that leave `held` at rest.
-MatrixXd rigid_motions(const FeModel& model, const std::vector<int>& held) {
+/// An M-orthonormal basis (6 n x r) of the rigid motions that leave `held` at rest. A turn that moves no mass is refused.
+MatrixXd rigid_motions(const FeModel& model, const std::vector<int>& held, const Located& at) {
   const RigidShapes R = model.rigid_shapes();
   // Rotations about the mass centre, scaled to a displacement of order one; positions enter R as differences then.
   Eigen::Vector3d centre = model.point_position * model.point_mass / model.point_mass.sum();
@@ -43,7 +44,22 @@ MatrixXd rigid_motions(const FeModel& model, const std::vector<int>& held) {
     const Eigen::Index rank = (s.array() > kRigidMotion * std::max(s(0), 1e-300)).count();
     free = (free * V.rightCols(6 - rank)).eval();
   }
-  return orthonormalised(free, free.transpose() * (model.M * free));
+  const MatrixXd inertia = free.transpose() * (model.M * free);
+  if (held.empty()) {
+    const auto [s, V] = right_singular(inertia);
+    if (!(s(5) > kNoInertia * s(0))) {
+      const Eigen::Vector3d turn = V.col(5).head<3>().normalized(),
+                            axis = (turn.array().abs() < kRigidMotion).select(0.0, turn.sum() < 0.0 ? -turn : turn);
+      refuse(at, {}, Code::fe_model, "a free body with inertia about every axis",
+             s(4) > kNoInertia * s(0)
+                 ? fmt::format(
+                       "none about the line through ({:.4g}, {:.4g}, {:.4g}) m along ({:.4g}, {:.4g}, {:.4g}): all its masses are on it",
+                       centre.x(), centre.y(), centre.z(), axis.x(), axis.y(), axis.z())
+                 : fmt::format("all its mass is at ({:.4g}, {:.4g}, {:.4g}) m", centre.x(), centre.y(), centre.z()),
+             "one of `masses` with an `inertia`, or moments of inertia of the nodes in the mass matrix");
+    }
+  }
+  return orthonormalised(free, inertia);
 }
 
 SparseFactor stiffness_factor(const FeModel& model, const SparseMatrix& K, const std::vector<int>& dofs, const Located& at) {
@@ -137,7 +153,7 @@ MatrixXd FreePart::expand(const MatrixXd& x) const {
 FeModes normal_modes(const FeModel& model, const std::vector<int>& held, int count, RigidModes policy, const Located& at) {
   const FreePart free(model.n_dofs(), held);
   if (free.dofs.empty()) refuse(at, {}, Code::fe_model, "degrees of freedom that are not held", "none: every node is held");
-  const MatrixXd rigid = rigid_motions(model, held);
+  const MatrixXd rigid = rigid_motions(model, held, at);
   const int n_rigid = static_cast<int>(rigid.cols());
   if (n_rigid > 0 && policy == RigidModes::refuse)
     refuse(at, {}, Code::rigid_body_mode, "a body that cannot move as a rigid one",

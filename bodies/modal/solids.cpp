@@ -293,6 +293,8 @@ FeModel solid_mesh(const SolidMesh& mesh, const std::vector<PointMass>& masses, 
     assemble(model.Q[a], n_points, 3 * n, Q[a]);
   }
   model.point_mass = model.between * Eigen::VectorXd::Ones(n_points);
+  if (!(model.point_mass.sum() > 0.0))
+    refuse(Code::fe_model, in_file(mesh, 0, at), "a body with mass: a material with a density, or `masses`", "neither");
   model.lines = outline(mesh);
   model.description =
       fmt::format("solids {}, {} nodes, {} elements", std::filesystem::path(mesh.file).filename().string(), n, mesh.elements.size());
@@ -309,7 +311,15 @@ FeModel solid_model(const SolidModel& source, const std::vector<PointMass>& mass
   if (!gmsh && !source.material.empty())
     refuse(at, "solid.material", Code::wrong_type, "one of `material` and the materials of the file", "both", "leave `material` out");
   if (gmsh) mesh.materials = source.material;
-  for (const Material& m : mesh.materials) {
+  if (warnings && !mesh.weightless.empty())
+    warnings->add(Code::unusual_value, file,
+                  fmt::format("elements that weigh nothing, their material has no density: {}", fmt::join(mesh.weightless, ", ")),
+                  "RHO, the fifth field of MAT1, unless their mass is among `masses`");
+  std::vector<bool> used(mesh.materials.size(), false);
+  for (const SolidMesh::Element& e : mesh.elements) used[static_cast<std::size_t>(e.material)] = true;
+  for (std::size_t i = 0; i < mesh.materials.size(); ++i) {
+    const Material& m = mesh.materials[i];
+    if (!used[i] || (!gmsh && m.rho == 0.0)) continue;
     check_material(at, "solid.material", m, warnings);
     const auto doubt = [&](Code code, std::string about, std::string hint) {
       if (warnings) warnings->add(code, {at.key_path + ".solid.material", at.mark}, std::move(about), std::move(hint));

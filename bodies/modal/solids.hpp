@@ -52,6 +52,7 @@ struct SolidMesh {
   std::vector<Material> materials;
   std::map<std::string, std::vector<int>> groups;  // nodes by the name of their group
   std::vector<std::string> passed_over;            // what the file has and a body does not take: "SPC1 (12)"
+  std::vector<std::string> weightless;             // materials without density that elements have, and how many: "MAT1 8 (12)"
 };
 /// Of bulk data of NASTRAN, and of *.msh of Gmsh. Throw InputError: C0102, C0321, C0323 and, of what would change the body
 /// and is not taken, C0401, with the line of the file.

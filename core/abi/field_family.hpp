@@ -22,6 +22,20 @@ constexpr bool is_field_vector(std::uint32_t quantity) {
   return quantity == CARDAN_GRAVITY || quantity == CARDAN_MAGNETIC || quantity == CARDAN_WIND || quantity == CARDAN_LIGHT;
 }
 
+/// Derivatives along x, y and z.
+struct Slopes {
+  double x, y, z;
+
+  Slopes() = default;
+  [[gnu::always_inline]] constexpr Slopes(double all) : Slopes(all, all, all) {}  // NOLINT: a constant
+  [[gnu::always_inline]] constexpr Slopes(double along_x, double along_y, double along_z) : x(along_x), y(along_y), z(along_z) {}
+  [[gnu::always_inline]] friend Slopes operator-(const Slopes& a) { return {-a.x, -a.y, -a.z}; }
+  [[gnu::always_inline]] friend Slopes operator+(const Slopes& a, const Slopes& b) { return {a.x + b.x, a.y + b.y, a.z + b.z}; }
+  [[gnu::always_inline]] friend Slopes operator-(const Slopes& a, const Slopes& b) { return {a.x - b.x, a.y - b.y, a.z - b.z}; }
+  [[gnu::always_inline]] friend Slopes operator*(const Slopes& a, const Slopes& b) { return {a.x * b.x, a.y * b.y, a.z * b.z}; }
+  [[gnu::always_inline]] friend Slopes operator/(const Slopes& a, const Slopes& b) { return {a.x / b.x, a.y / b.y, a.z / b.z}; }
+};
+
 /// Where a field is asked: `x` [m] in world axes, `t` [s]; `prepared` is what F::prepare made of t.
 template <class F, class T>
 struct FieldPoint {
@@ -53,8 +67,9 @@ concept FollowsTangents = requires(const typename F::Packed& p, const FieldPoint
 };
 
 /// `schema`, `limits`, `distance`, `Prepared` with `prepare(packed, t, prepared)`, `beyond(packed, point)` (bits of limits),
-/// `n_edges(packed)` with `edges(packed, point, g)` may be left out. With `packed_size(params)`, in bytes, pack(params, packed) may write
-/// behind the Packed that it is handed.
+/// `n_edges(packed)` with `edges(packed, point, g)` may be left out. With `gradient_at_once` its law is evaluated once with derivatives
+/// along x, y and z (TangentOf<Slopes>) and not three times with one (Tangent): the same bits. With `packed_size(params)`, in bytes,
+/// pack(params, packed) may write behind the Packed that it is handed.
 template <class F>
 concept FieldFamily = requires {
   { F::type } -> std::convertible_to<std::string_view>;
@@ -80,6 +95,19 @@ int evaluate_field(const cardan_field_args* a, std::uint32_t n, const double* po
     if constexpr (GivesGradients<F>) {
       F::evaluate(packed, at, values + size * i, gradients ? gradients + 3 * size * i : nullptr);
     } else {
+      if constexpr (requires { F::gradient_at_once; }) {
+        if (gradients) {
+          using T = TangentOf<Slopes>;
+          const FieldPoint<F, T> there{a->t, {{at.x.x, {1.0, 0.0, 0.0}}, {at.x.y, {0.0, 1.0, 0.0}}, {at.x.z, {0.0, 0.0, 1.0}}}, prepared};
+          T value[size];
+          F::evaluate(packed, there, value);
+          for (std::uint32_t k = 0; k < size; ++k) {
+            values[size * i + k] = value[k].x;
+            std::memcpy(gradients + 3 * (size * i + k), &value[k].d, sizeof value[k].d);
+          }
+          continue;
+        }
+      }
       F::evaluate(packed, at, values + size * i);
       for (int j = 0; gradients && j < 3; ++j) {
         const FieldPoint<F, Tangent> along{

@@ -356,6 +356,10 @@ void read_params(MapReader& map, ParamSchema schema, ParamValues& params) {
       case CARDAN_UNIT_VECTOR:
         if (takes_each(desc) && value->node->kind == DocNode::Kind::scalar)
           param.value = read_number(*value, desc.unit, context);
+        else if (takes_each(desc) && (value->node->kind != DocNode::Kind::list || value->node->items.size() != 3))
+          context.sink.report(Code::wrong_type, value->at(),
+                              fmt::format("one number for all, or a list of 3, each: {}", expected_number(desc.unit)),
+                              describe(*value->node));
         else
           param.value = read_numbers(*value, desc.unit, 3, context);
         break;

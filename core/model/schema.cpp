@@ -16,8 +16,6 @@ constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 constexpr double kUnitTolerance = 1e-6;  // of quaternions and rotation matrices as typed
 using Kind = DocNode::Kind;
 
-std::string expected_number(std::string_view unit) { return describe(parse_unit(unit).value_or(Unit{}).dimension); }
-
 std::string with_unit(std::string value, std::string_view unit) {
   return unit.empty() || unit == "1" ? value : fmt::format("{} {}", value, unit);
 }
@@ -25,6 +23,8 @@ std::string with_unit(std::string value, std::string_view unit) {
 std::string vector_text(const Eigen::Vector3d& v) { return fmt::format("[{:.6g}, {:.6g}, {:.6g}]", v.x(), v.y(), v.z()); }
 
 }  // namespace
+
+std::string expected_number(std::string_view unit) { return describe(parse_unit(unit).value_or(Unit{}).dimension); }
 
 DocRef DocRef::item(std::size_t i) const {
   if (node->kind == Kind::list) return {&node->items[i], fmt::format("{}[{}]", path, i)};

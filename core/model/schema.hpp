@@ -31,6 +31,8 @@ struct DocRef {
 
 /// What stands there, for `got`: `"12 kg"`, `a list of 3 values`, `nothing`.
 std::string describe(const DocNode& node);
+/// What a number of that unit may be, for `expected`: "a mass, as in 12 kg".
+std::string expected_number(std::string_view unit);
 /// "a, b or c"
 std::string one_of(const std::vector<std::string>& names);
 

@@ -20,7 +20,8 @@ constexpr double kWithoutTicks = 1.0;  // [s] that slow motion takes at least fo
 constexpr double kStiff = 1e3;         // decays of that rate [1/s] hold an explicit method to thousands of steps in a second
 constexpr double kFine = 1e-11;        // relative: below, an order of three is too low
 constexpr double kHighOrder = 1e-7;    // relative: below, order 8 needs half the evaluations of order 5
-constexpr double kDense = 50.0;        // states up to which a dense Jacobian is faster
+constexpr double kBeside = 0.2;  // of the fastest swing: what is not linear and faster holds exponential, of order three, to as many steps
+constexpr double kDense = 50.0;  // states up to which a dense Jacobian is faster
 
 }  // namespace
 
@@ -51,7 +52,9 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
           : fmt::format(" and {} each {:.3g} s", corners < ticks ? "devices end steps" : "commands may change", interval);
   const bool standard = dynamics == Dynamics::standard;
   const std::string not_linear = standard ? VehicleLinearPart::refusal(*model) : name_of(dynamics) + " dynamics";
-  if (angle > kAngle && not_linear.empty() && asked.relative_tolerance >= kFine) {
+  const bool closed_form = angle > kAngle && not_linear.empty() && asked.relative_tolerance >= kFine;
+  const FastestMotion beside = closed_form ? swing_of_devices(*model, 0.0, start) : FastestMotion{};
+  if (closed_form && beside.rate <= kBeside * fastest.rate) {
     method = "exponential";
     out.why = told + often + ": it is advanced in closed form" +
               (as_commanded ? "; where a mission commands a device that ends steps (a stepper without `rate_limit`) often, dopri5 is faster"
@@ -65,11 +68,13 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
     method = asked.relative_tolerance < kHighOrder && std::max(angle, 2.0 * std::numbers::pi * interval) > kAngle ? "dop853" : "dopri5";
     const std::string why_high = fmt::format("a tolerance of {:g}{}", asked.relative_tolerance, often.empty() ? " on long stretches" : "");
     const std::string why_low = often.empty() ? fmt::format("a tolerance of {:g}", asked.relative_tolerance) : often.substr(5);
-    out.why = (method == "dop853" ? why_high : why_low) + (fastest.rate <= 0.0 ? ", nothing is elastic or damped"
-                                                           : angle <= kAngle   ? ", " + told + ": slow beside that"
-                                                           : !not_linear.empty()
-                                                               ? fmt::format(", {}, but exponential does not take {}", told, not_linear)
-                                                               : ", " + told + ", finer than exponential is made for");
+    out.why = (method == "dop853" ? why_high : why_low) +
+              (fastest.rate <= 0.0   ? ", nothing is elastic or damped"
+               : angle <= kAngle     ? ", " + told + ": slow beside that"
+               : !not_linear.empty() ? fmt::format(", {}, but exponential does not take {}", told, not_linear)
+               : closed_form         ? fmt::format(", {}, and {} swings at {:.3g} Hz, which exponential does not take in closed form", told,
+                                                   beside.what, beside.rate / (2.0 * std::numbers::pi))
+                                     : ", " + told + ", finer than exponential is made for");
   }
   return out;
 }

@@ -7,6 +7,8 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/dynamics/devices.hpp"
+#include "core/dynamics/fields.hpp"
+#include "core/dynamics/forward.hpp"
 
 namespace cardan {
 namespace {
@@ -15,6 +17,12 @@ constexpr double kNever = std::numeric_limits<double>::infinity();
 constexpr int kEnough = 100;     // corners to tell how often they come
 constexpr double kAhead = 1e-6;  // of the span: over which roots are differenced
 constexpr double kLarge = 1e6;   // a command of which a device that has a limit takes no more
+
+std::string name_of_velocity(const Model& model, int v) {
+  for (const UserBody& u : model.user)
+    if (v >= u.v && v < u.v + static_cast<int>(u.v_names.size())) return u.name + "." + u.v_names[static_cast<std::size_t>(v - u.v)];
+  return "modes";
+}
 
 /// `large`: what devices with roots are commanded; 0: what the vehicle file says.
 double interval_with(const Model& model, double span, double large) {
@@ -70,6 +78,52 @@ double interval_with(const Model& model, double span, double large) {
 }
 
 }  // namespace
+
+FastestMotion swing_of_devices(const Model& model, double t, const State& s) {
+  constexpr int kIterations = 20;
+  constexpr double kStep = 1e-6;  // [rad, m] a stepper's field turns over some 1e-4 rad
+  FastestMotion found;
+  if (model.devices.all.empty() || !model.loops.empty()) return found;
+  Eigen::VectorXd x(model.nv), y(model.nv), with(model.nv), without(model.nv), q(model.nq), moved(model.nv), before(model.nv);
+  try {
+    Eigen::VectorXd tau(model.nv);
+    std::vector<NodeWrench> wrenches(static_cast<std::size_t>(model.devices.n_loads));
+    for (const Device& d : model.devices.all)
+      for (const DeviceMount& m : d.mounts)
+        if (m.node >= 0 && (m.use & CARDAN_USE_LOAD) != 0) wrenches[static_cast<std::size_t>(m.load)].node = m.node;
+    DeviceForces devices(model);
+    devices.set({t, s.z.data(), s.marks.data(), tau.data(), wrenches.data()});
+    Workspace ws(model);
+    FieldMoments moments(model);
+    const int gravity = field_of_gravity(model);
+    const FieldMoment* moment = gravity < 0 ? nullptr : &moments.at(gravity, t);
+    /// v' by devices alone, where q is moved by h x.
+    const auto pushed = [&](double h) -> const Eigen::VectorXd& {
+      moved = h * x;
+      model.retract(s.q.data(), moved.data(), q.data());
+      tau.setZero();
+      const Inputs alone{.q = q.data(), .v = s.v.data(), .moment = moment};
+      const Inputs in{.q = q.data(), .v = s.v.data(), .tau = tau.data(), .wrenches = wrenches, .moment = moment};
+      const bool known = forward_dynamics(model, ws, alone, without.data()) && forward_dynamics(model, ws, in, with.data(), &devices);
+      return known ? with -= without : with.setZero();
+    };
+    for (int i = 0; i < model.nv; ++i) x[i] = 1.0 + 0.1 * std::sin(3.7 * i);
+    x.normalize();
+    for (int k = 0; k < kIterations; ++k) {
+      y = pushed(kStep), before = tau;
+      y = (pushed(-kStep) - y) / (2.0 * kStep);
+      const double value = y.norm();
+      if (!(value > 0.0) || !std::isfinite(value)) return {};
+      Eigen::Index most = 0;
+      const bool at_hinge = x.cwiseProduct(tau - before).maxCoeff(&most) > 0.0;
+      found = {std::sqrt(value), false,
+               at_hinge ? "what devices push with at " + name_of_velocity(model, static_cast<int>(most)) : "what devices push with"};
+      x = y / value;
+    }
+  } catch (const std::exception&) {  // a plugin, or a field that knows nothing there: the run says so
+  }
+  return found;
+}
 
 DeviceCorners device_corners(const Model& model, double span) {
   if (model.devices.n_roots == 0) return {kNever, false};

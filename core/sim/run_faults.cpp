@@ -8,6 +8,7 @@
 
 #include "core/base/finite.hpp"
 #include "core/model/doubts.hpp"
+#include "core/sim/device_corners.hpp"
 #include "core/sim/expected_stiffness.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/plugin_faults.hpp"
@@ -154,7 +155,11 @@ void Simulation::foresee_stiffness(double t_end) {
 
 /// The integrator found that stability sets its steps.
 void Simulation::say_stiff() {
-  const FastestMotion fastest = warned_stiff_ ? FastestMotion{} : fastest_motion(model_, state_.q.data());
+  FastestMotion fastest;
+  if (!warned_stiff_) {
+    fastest = fastest_motion(model_, state_.q.data());
+    if (FastestMotion pushed = swing_of_devices(*model_, state_.t, state_); pushed.rate > fastest.rate) fastest = std::move(pushed);
+  }
   warned_stiff_ = true;
   const double h = statistics().last_step;
   warn(Code::stiff_scene, {"integrator.method", {}},

@@ -73,7 +73,7 @@ class EventFinder {
       if (t <= first + window) t_event = std::max(t_event, t);
     for (std::size_t i = 0; i < n_; ++i) {
       crossed_[i] = t_cross_[i] <= t_event ? -sign(g_begin_[i]) : 0;
-      quiet_[i] = static_cast<char>(crossed_[i]);
+      quiet_[i] = static_cast<signed char>(crossed_[i]);
     }
     quiet_until_ = t_event + window;
     t_ = t_end = t_event;
@@ -100,7 +100,7 @@ class EventFinder {
   void leave_zero(double t_quiet, double t_end, StateAt& state_at) {
     bool evaluated = false;
     for (std::size_t i = first_corner_; i < n_; ++i)  // on the side to which it passed, or nearly
-      if (const char side = std::exchange(quiet_[i], 0); side * g_begin_[i] < 0.0 || (side != 0 && g_begin_[i] == 0.0))
+      if (const signed char side = std::exchange(quiet_[i], 0); side * g_begin_[i] < 0.0 || (side != 0 && g_begin_[i] == 0.0))
         g_begin_[i] = side * std::numeric_limits<double>::min();
     for (std::size_t i = 0; i < n_; ++i) {
       const bool starts_at_zero = g_begin_[i] == 0.0 && g_end_[i] != 0.0;
@@ -145,7 +145,7 @@ class EventFinder {
   double t_ = 0.0, quiet_until_ = -kNever;
   std::vector<double> g_begin_, g_end_, g_, t_begin_, t_cross_;
   std::vector<int> crossed_;
-  std::vector<char> quiet_;
+  std::vector<signed char> quiet_;  // the direction in which one fired that is not to fire again yet
   long evaluations_ = 0;
 };
 

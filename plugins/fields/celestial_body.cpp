@@ -10,15 +10,20 @@ struct CelestialBody {
   static constexpr std::uint32_t quantity = CARDAN_POSITION;
   static constexpr unsigned facts = 0;
   using Packed = CelestialPlace;
+  struct Prepared {
+    double place[3];
+  };
   static constexpr cardan_param_desc schema[] = {CelestialPlace::body_desc, CelestialPlace::epoch_desc, CelestialPlace::origin_desc};
+  static constexpr cardan_limit_desc limits[] = {CelestialPlace::dates_limit};
   static bool pack(const Params& params, Packed& p) { return p.pack(params); }
-  static void evaluate(const Packed& p, const FieldPoint<CelestialBody, double>& at, double* out) noexcept {
-    const Vec3<double> x = p.at(at.t);
-    out[0] = x.x, out[1] = x.y, out[2] = x.z;
+  static int prepare(const Packed& p, double t, Prepared& out) noexcept {
+    const Vec3<double> x = p.at(t);
+    out = {{x.x, x.y, x.z}};
+    return p.is_known(t) ? 0 : 1;
   }
-  static void evaluate(const Packed& p, const FieldPoint<CelestialBody, Tangent>& at, Tangent* out) noexcept {  // of time alone
-    const Vec3<double> x = p.at(at.t);
-    out[0] = Tangent(x.x), out[1] = Tangent(x.y), out[2] = Tangent(x.z);
+  template <class T>  // of time alone
+  static void evaluate(const Packed&, const FieldPoint<CelestialBody, T>& at, T* out) noexcept {
+    for (int i = 0; i < 3; ++i) out[i] = T(at.prepared->place[i]);
   }
 };
 

@@ -19,6 +19,11 @@ struct CelestialPlace {
   static constexpr cardan_param_desc epoch_desc =
       param::required("epoch", CARDAN_TEXT, "1", "date of t = 0, 2026-11-26T12:00:00 UTC (or UT1, TT, TAI)");
 
+  /// Of fields that ask for it, as a bit of what they are asked beyond.
+  static constexpr cardan_limit_desc dates_limit = {"dates", 0,
+                                                    "before the year 1000 or after 3000, which the series of planets are made for"};
+  bool is_known(double t) const noexcept { return celestial_is_known(start.after(t)); }
+
   bool pack(const Params& params) {
     const auto epoch = Epoch::of(params.text("epoch"), 0.0);
     if (!epoch) return params.fail("epoch", TurningPlanet::kDateExpected);
@@ -43,6 +48,8 @@ struct SunPlace {
       param::optional("direction", CARDAN_UNIT_VECTOR, "1", "to a Sun that does not move, world axes");
   static constexpr cardan_param_desc epoch_desc =
       param::optional("epoch", CARDAN_TEXT, "1", "in its place: date of t = 0, 2026-11-26T12:00:00 UTC (or UT1, TT, TAI)");
+
+  bool is_known(double t) const noexcept { return moves == 0 || place.is_known(t); }
 
   bool pack(const Params& params) {
     const Eigen::Vector3d s = params.vector("direction");

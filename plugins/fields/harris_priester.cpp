@@ -55,8 +55,8 @@ struct HarrisPriester {
       Ellipsoid::flattening_desc,
       TurningPlanet::axis_desc,
       TurningPlanet::centre_desc};
-  static constexpr cardan_limit_desc limits[] = {{"lowest", 1, "100 km above the ellipsoid"},
-                                                 {"highest", 1, "1000 km above the ellipsoid"}};
+  static constexpr cardan_limit_desc limits[] = {
+      {"lowest", 1, "100 km above the ellipsoid"}, {"highest", 1, "1000 km above the ellipsoid"}, CelestialPlace::dates_limit};
   static constexpr double kLowest = 100e3, kHighest = 1000e3;  // [m]
 
   static bool pack(const Params& params, Packed& p) {
@@ -73,7 +73,7 @@ struct HarrisPriester {
       sun = Eigen::Vector3d(place.x, place.y, place.z).normalized();
     }
     Eigen::Map<Eigen::Vector3d>{out.bulge} = Eigen::AngleAxisd(p.lag, Eigen::Vector3d(p.axis)) * sun;
-    return 0;
+    return p.sun.is_known(t) ? 0 : 4;
   }
   static int beyond(const Packed& p, const FieldPoint<HarrisPriester, double>& at) noexcept {
     const double h = p.planet.height(at.x);

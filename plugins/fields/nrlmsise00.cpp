@@ -288,14 +288,12 @@ struct Nrlmsise00 {
 
 }  // namespace
 
-// The model knows angles by its own rounded constants.
 UpperAir upper_air(const UpperAirAsked& asked) {
   msis::Conditions now{asked.day, asked.seconds, asked.f107, asked.f107_average, {}, asked.history};
   std::ranges::copy(asked.ap, now.ap);
   msis::Moment moment;
   msis::prepare(now, moment);
-  const double degree = msis::kDegree * 180.0 / std::numbers::pi, N = degree * asked.latitude, E = degree * asked.longitude,
-               h = msis::kHour * asked.solar_time / 3600.0;
+  const double N = asked.latitude, E = asked.longitude, h = 2.0 * std::numbers::pi * asked.solar_time / Nrlmsise00::kDay;
   const auto got = msis::air(
       moment, msis::Place<double>{1e-3 * asked.altitude, std::cos(N), std::sin(N), std::cos(E), std::sin(E), std::cos(h), std::sin(h)});
   UpperAir out{{}, 1e3 * got.density(7), 1e3 * got.density(), got.temperature, got.exosphere, is_air(got)};

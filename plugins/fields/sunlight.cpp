@@ -37,6 +37,7 @@ struct Sunlight {
                       0.0, kAny),
       param::in_range(param::optional("disc", CARDAN_NUMBER, "rad", "apparent radius of a Sun that does not move", kDisc), 1e-6, 0.5),
       param::optional("centre", CARDAN_VECTOR, "m", "of the sphere, world axes")};
+  static constexpr cardan_limit_desc limits[] = {CelestialPlace::dates_limit};
 
   static bool pack(const Params& params, Packed& p) {
     const Eigen::Vector3d c = params.vector("centre");
@@ -101,7 +102,7 @@ struct Sunlight {
     if (p.sun.moves == 0) return 0;
     const Vec3<double> d = p.sun.place.at(t);
     out = {{d.x, d.y, d.z}};
-    return 0;
+    return p.sun.is_known(t) ? 0 : 1;
   }
 
   /// Of the penumbra, 0 without a sphere: positive where the whole disc of the Sun is seen; positive where some of it is, or some all

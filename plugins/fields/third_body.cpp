@@ -10,6 +10,7 @@ struct ThirdBody {
   static constexpr std::uint32_t quantity = CARDAN_GRAVITY;
   static constexpr unsigned facts = CARDAN_FIELD_POTENTIAL | CARDAN_FIELD_SOURCE_FREE | CARDAN_FIELD_CURL_FREE;
   static constexpr double distance = 7e6;  // [m] of the laws
+  static constexpr bool gradient_at_once = true;
   struct Packed {
     CelestialPlace place;
     double mu;
@@ -21,6 +22,7 @@ struct ThirdBody {
       CelestialPlace::body_desc, CelestialPlace::epoch_desc, CelestialPlace::origin_desc,
       param::in_range(param::optional("mu", CARDAN_NUMBER, "m^3/s^2", "gravitational parameter; 0: that of the body in DE440"), 0.0,
                       std::numeric_limits<double>::infinity())};
+  static constexpr cardan_limit_desc limits[] = {CelestialPlace::dates_limit};
 
   static bool pack(const Params& params, Packed& p) {
     if (!p.place.pack(params)) return false;
@@ -31,7 +33,7 @@ struct ThirdBody {
   static int prepare(const Packed& p, double t, Prepared& out) {
     const Vec3<double> d = p.place.at(t);
     out = {{d.x, d.y, d.z}};
-    return 0;
+    return p.place.is_known(t) ? 0 : 1;
   }
 
   // Both pulls nearly cancel. With q = x . (x - 2 d) / d^2, |x - d|^2 = d^2 (1 + q), their difference is never taken (Battin 1987, 8.4),

@@ -14,6 +14,7 @@ struct ZonalHarmonics {
   static constexpr std::uint32_t quantity = CARDAN_GRAVITY;
   static constexpr unsigned facts = CARDAN_FIELD_POTENTIAL | CARDAN_FIELD_STEADY | CARDAN_FIELD_SOURCE_FREE | CARDAN_FIELD_CURL_FREE;
   static constexpr double distance = 3.0;  // [m] of the laws, whose centres and radii are of order one
+  static constexpr bool gradient_at_once = true;
   static constexpr int kLast = 6;
   struct Packed {
     double mu, radius, J[kLast + 1], axis[3], centre[3];

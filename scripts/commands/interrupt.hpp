@@ -8,7 +8,8 @@
 namespace cardan {
 
 /// While it lives, SIGINT (Ctrl-C), SIGTERM and SIGHUP (the terminal is gone) set a flag instead of ending the process; those that
-/// whoever started the process wants ignored stay ignored. A second Ctrl-C ends the process at once. One at a time.
+/// whoever started the process wants ignored stay ignored. The first one says what is waited for; a second Ctrl-C ends the process at
+/// once, and so does another signal that comes a second after the first or later. One at a time.
 class Interruption {
  public:
   Interruption();

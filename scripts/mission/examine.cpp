@@ -6,6 +6,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/dynamics/fields.hpp"
 #include "core/model/devices.hpp"
 #include "core/model/doubts.hpp"
 #include "core/model/loops.hpp"
@@ -80,6 +81,20 @@ void look_at_ticks(Scenario& s) {
       s.warnings.add(
           Code::no_effect, at("offset"),
           fmt::format("the first tick of {}, at {:g} s, is after the end of the run at {:g} s", d.name, d.offset, s.mission.duration));
+  }
+}
+
+/// Fields that know nothing of the end of the run: their weather or bulletin ends before.
+void look_at_dates(Scenario& s) {
+  FieldMoments moments(*s.model);
+  for (std::size_t i = 0; i < s.model->fields.size(); ++i) {
+    const Field& field = s.model->fields[i];
+    const int beyond = moments.at(static_cast<int>(i), s.mission.duration).beyond;
+    if (field.source->refuses(beyond))
+      s.warnings.add(Code::mission_doubt, s.model->spec->locate("fields." + field.name),
+                     fmt::format("at the end of the run, at {:g} s, {}: the run ends before, where something asks it there",
+                                 s.mission.duration, told_beyond(field, beyond)),
+                     "a shorter duration, or a file of more days");
   }
 }
 
@@ -219,6 +234,7 @@ void examine(Scenario& s) {
   expect_away_from_centre(s.model, s.sim->state().q.data());
   expect_tolerances_above_rounding(s);
   look_at_ticks(s);
+  look_at_dates(s);
   if (!scripts_act(s))
     s.warnings.add(held_back(*s.model->spec)), s.warnings.add(idle_at_hinges(*s.model)), s.warnings.add(still_hinges(*s.sim));
   s.warnings.add(unheeded_validity(*s.model));

@@ -116,6 +116,21 @@ TEST(EarthAxes, AreThoseByTheEquinox) {
   }
 }
 
+/// A thousand years from J2000 are what the series of the planets are made for; of a Sun that stands still there is no end.
+TEST(CelestialPosition, IsRefusedBeyondTheYearsOfItsSeries) {
+  constexpr double kYear = 365.25 * 86400.0;
+  const AskedField::Texts epoch{{"epoch", "2000-01-01T12:00:00 TT"}};
+  const double mars = static_cast<double>(Celestial::mars);
+  for (const auto& [field, end] :
+       {std::pair(AskedField("third_body", {{"body", {mars}}}, epoch), 1),
+        std::pair(AskedField("celestial_body", {{"body", {mars}}}, epoch), 1), std::pair(AskedField("sunlight", {}, epoch), 1),
+        std::pair(AskedField("harris_priester", {}, epoch), 4), std::pair(AskedField("sunlight", {{"direction", {1.0, 0.0, 0.0}}}), 0)}) {
+    EXPECT_EQ(field.at({0.0, 0.0, 6.9e6}, 999.0 * kYear).beyond, 0);
+    EXPECT_EQ(field.at({0.0, 0.0, 6.9e6}, 1001.0 * kYear).beyond, end);
+    EXPECT_EQ(field.at({0.0, 0.0, 6.9e6}, -1001.0 * kYear).beyond, end);
+  }
+}
+
 /// Geocentric or heliocentric, against DE440, within the errors that the series are known to have [km].
 TEST(CelestialPosition, IsThatOfDE440) {
   struct Known {

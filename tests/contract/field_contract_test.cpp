@@ -28,6 +28,41 @@ TEST_P(FieldContract, ObeysEveryLaw) {
 INSTANTIATE_TEST_SUITE_P(Registry, FieldContract, testing::ValuesIn(registry().fields.types()),
                          [](const auto& tested) { return tested.param; });
 
+/// All that a law may do with a number that has derivatives along x, y and z.
+template <class F>
+struct AnyLaw {
+  static constexpr const char *type = "test/any", *summary = "";
+  static constexpr std::uint32_t quantity = CARDAN_GRAVITY;
+  static constexpr unsigned facts = 0u;
+  struct Packed {
+    double k;
+  };
+  static bool pack(const Params&, Packed& p) { return p.k = 0.7, true; }
+  template <class T>
+  static void evaluate(const Packed& p, const FieldPoint<F, T>& at, T* out) noexcept {
+    using std::cos, std::sin, std::sqrt;
+    const T r = sqrt(dot(at.x, at.x)), s = sin(T(p.k) * at.x.x) / r;
+    out[0] = s - at.x.y * cos(at.x.z), out[1] = at.x.x < T(0.0) ? -at.x.y / r : T(2) * s * s, out[2] = T(p.k) / (r * r), out[3] = -s;
+  }
+};
+struct ThreeTimes : AnyLaw<ThreeTimes> {};
+struct AtOnce : AnyLaw<AtOnce> {
+  static constexpr bool gradient_at_once = true;
+};
+
+TEST(FieldGradients, AtOnceAreThoseOfThreeDirectionsToTheBit) {
+  const double points[] = {0.3, -1.7, 0.9, -2.1, 0.4, 1e-3, 7e6, 2e5, -3e6};
+  double values[2][12], gradients[2][36], alone[12];
+  const AnyLaw<AtOnce>::Packed packed{0.7};
+  const cardan_field_args args{sizeof args, 0.0, &packed, nullptr};
+  detail::evaluate_field<ThreeTimes>(&args, 3, points, values[0], gradients[0]);
+  detail::evaluate_field<AtOnce>(&args, 3, points, values[1], gradients[1]);
+  detail::evaluate_field<AtOnce>(&args, 3, points, alone, nullptr);
+  for (int i = 0; i < 12; ++i) EXPECT_EQ(values[0][i], values[1][i]) << i;
+  for (int i = 0; i < 12; ++i) EXPECT_EQ(values[0][i], alone[i]) << i;
+  for (int i = 0; i < 36; ++i) EXPECT_EQ(gradients[0][i], gradients[1][i]) << i;
+}
+
 /// Gravity of a point, in plain C: what a mutant changes.
 using Table = cardan_field_family;
 using Args = const cardan_field_args*;

@@ -9,6 +9,7 @@
 #include <random>
 
 #include "plugins/fields/planet.hpp"
+#include "plugins/fields/upper_air.hpp"
 #include "tests/support/field_values.hpp"
 #include "tests/support/worse.hpp"
 
@@ -55,6 +56,20 @@ TEST(Nrlmsise00Field, AsksForTheLatitudeLongitudeDateAndTime) {
   const auto in_2027 = f.at(place(400e3, 0.9, 0.4, ahead + kRate * 86400.0 * 194), 86400.0 * 194);
   const msis::Conditions new_year{1, 29000.0, 150.0, 130.0, {12.0}, false};
   EXPECT_NEAR(in_2027.value[0] / of_model(new_year, 400e3, 0.9, 0.4), 1.0, 1e-10);
+}
+
+// `astro.nrlmsise00` is the same model at the same angles.
+TEST(Nrlmsise00Field, IsWhatIsAskedByHand) {
+  const AskedField f("nrlmsise00", kUsual, {{"epoch", "2026-06-21T08:03:20"}});
+  const double ahead = earth_rotation_angle(*read_date("2026-06-21T08:03:20 UT1", TimeScale::ut1, 0.0));
+  for (const double latitude : {-1.2, 0.9})
+    for (const double longitude : {-2.0, 3.0}) {
+      UpperAirAsked asked;
+      asked.day = 172, asked.seconds = 29000.0, asked.solar_time = 29000.0 + longitude * 43200.0 / kPi;
+      asked.altitude = 400e3, asked.latitude = latitude, asked.longitude = longitude;
+      asked.f107 = 150.0, asked.f107_average = 130.0, asked.ap.fill(12.0);
+      EXPECT_NEAR(f.at(place(400e3, latitude, longitude, ahead)).value[0] / upper_air(asked).drag_density, 1.0, 1e-10) << latitude;
+    }
 }
 
 // Printed to four digits; anomalous oxygen is 2 % of the density at 1000 km.

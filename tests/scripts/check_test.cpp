@@ -59,6 +59,31 @@ class Physics : public testing::Test {
   TemporaryFolder folder_;
 };
 
+// ---- what fields know of time ----
+
+TEST_F(Physics, AFieldThatEndsBeforeTheRunIsToldBeforeIt) {
+  const auto told = [&](const std::string& days) {
+    write(R"(cardan: 1
+fields:
+  air: {type: nrlmsise00, epoch: "2003-10-28T00:00:00", weather: ")" +
+              kSource + R"(/tests/reference/data/atmosphere/space_weather_2003.csv"}
+bodies:
+  sat: {mass: 1 kg, inertia: [1, 1, 1], hinge: {type: free, to: world, initial: {position: [6800 km, 0, 0]}}}
+devices:
+  drag: {type: drag, at: sat, air: air, area: 1}
+)",
+          "vehicle \"v.yaml\"\nmission { duration = \"" + days + " day\", output = { rate = 1 } }\n");
+    return check();
+  };
+  EXPECT_EQ(told("6").err.find("W0501"), std::string::npos);
+  const Finished late = told("8");
+  EXPECT_EQ(late.exit_code, 0);
+  for (const char* part : {"W0501", "v.yaml:3", "fields.air",
+                           "at the end of the run, at 691200 s, air is asked beyond its limit after: after the last day of `weather`: the "
+                           "run ends before, where something asks it there"})
+    EXPECT_NE(late.err.find(part), std::string::npos) << part << "\n" << late.err;
+}
+
 // ---- attachment of free-free modes ----
 
 TEST_F(Physics, BoomOnAHubHasTheFrequencyOfEulerAndBernoulli) {

@@ -1,13 +1,17 @@
 // Plugins by the program: a good one in C, and every way in which one may be no plugin, a bad one or a dangerous one.
+#include <fcntl.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <chrono>
+#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <nlohmann/json.hpp>
 #include <set>
+#include <thread>
 
 #include "core/io/hdf5_file.hpp"
 #include "core/io/sha256.hpp"
@@ -554,6 +558,26 @@ INSTANTIATE_TEST_SUITE_P(
                     LateFault{"overrun_field", "N0503", "field air (late/air, ./p.so): evaluate writes beyond what it is handed"},
                     LateFault{"hidden_field", "N0503", "field air (late/air, ./p.so): evaluate gives other numbers"}),
     [](const auto& tested) { return std::string(tested.param.name); });
+
+/// Nothing but a signal ends it, and the first one only says what is waited for; the second keeps what is on disk.
+TEST(LatePlugins, ThatDoNotComeBackAreEndedByASecondSignal) {
+  const LateFolder dir;
+  const std::string told = dir / "told";
+  Started run({"run", ".", "--quiet", "--out", "out"}, dir.path(), [&] {
+    setenv("CARDAN_FAULT", "stuck_device", 1);
+    dup2(open(told.c_str(), O_CREAT | O_WRONLY | O_APPEND, 0600), STDERR_FILENO);
+  });
+  const auto tells = [&](const std::string& what) { return wait_until([&] { return fs::exists(told) && has(file_text(told), what); }); };
+  ASSERT_TRUE(tells("stuck"));
+  run.send(SIGTERM);
+  ASSERT_TRUE(tells("asked to end: waiting for the step under way"));
+  run.send(SIGTERM);  // at once: the same order
+  std::this_thread::sleep_for(std::chrono::milliseconds(1100));
+  EXPECT_FALSE(run.has_ended());
+  run.send(SIGTERM);
+  EXPECT_EQ(run.wait().exit_code, -1) << "ended by the signal";
+  EXPECT_NO_THROW(Hdf5File::open(dir / "out/run.h5").read_doubles("/time"));
+}
 
 TEST(LatePlugins, AreToldInTheseWords) {
   const LateFolder dir;

@@ -45,6 +45,11 @@ Started::~Started() {
 
 void Started::send(int signal) const { kill(child_, signal); }
 
+bool Started::has_ended() const {
+  siginfo_t none{};
+  return waitid(P_PID, static_cast<id_t>(child_), &none, WEXITED | WNOHANG | WNOWAIT) == 0 && none.si_pid != 0;
+}
+
 Finished Started::wait() {
   int status = 0;
   waitpid(std::exchange(child_, -1), &status, 0);

@@ -30,6 +30,7 @@ class Started {
   Started(const Started&) = delete;
   Started& operator=(const Started&) = delete;
   void send(int signal) const;
+  bool has_ended() const;
   Finished wait();
 
  private:

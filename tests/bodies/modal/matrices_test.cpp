@@ -335,6 +335,18 @@ TEST(Matrices, ThatAreOfNoBodyAreRefused) {
                        s.masses = {{1.0, {5.9, 0.0, 0.0}, Matrix3d::Zero()}};
                      }),
               "at: modal.masses[0].position\n  expected: the position of a node");
+  // Masses on a line do not resist turns about it.
+  expect_part(answer(
+                  [&](Written& w) {
+                    SparseMatrix M(mesh.M.rows(), mesh.M.cols());
+                    for (int i = 0; i < M.rows(); ++i)
+                      if (i % 6 < 3) M.coeffRef(i, i) = 0.5;
+                    write_file(w.model.mass, matrix_text(M));
+                  },
+                  [](ModalSource& s) { s.boundary = Boundary::free; }),
+              "error[C0323]: the finite-element model cannot be used\n  at: modal\n  expected: a free body with inertia about every axis\n"
+              "  got:      none about the line through (3, 0, 0) m along (1, 0, 0): all its masses are on it\n"
+              "  hint:     one of `masses` with an `inertia`, or moments of inertia of the nodes in the mass matrix");
   // Nodes in another order than the matrices: the mass centre is not one.
   FeModel turned = mesh;
   for (Vector3d& x : turned.nodes) x = Vector3d(x.y(), x.x() * x.x(), 0.0);

@@ -228,10 +228,9 @@ TEST_F(SolidFiles, OfBulkDataAreRefusedWithTheirLine) {
   expect("PSOLID,5,9,,,,,PFLUID", "PFLUID");
   expect("MAT1,5,7.+10,9.+9,.3,2700.", "G = 9e+09");
   expect("MAT1,5,7.+10,,,2700.", "fewer");
-  expect("MAT1,5,7.+10,,.3", "nothing");
   expect("MAT1,5,7.+10,,.5,2700.", "nu = 0.5");
   expect("MAT1,5,-7.+10,,.3,2700.", "E = -7e+10");
-  expect("MAT1,5,7.+10,,.3,0.", "rho = 0");
+  expect("MAT1,5,7.+10,,.3,-1.", "rho = -1");
   expect("GRID,200,,1.,2.,3.,0,456,0,+A,5", "10");
   EXPECT_EQ(refused("b.bdf", "").got, "") << "no element: told by what makes a body of it";
   EXPECT_EQ(number_of(refused("c.bdf", "+,1,2\n").code), "C0321");
@@ -373,6 +372,48 @@ TEST_F(SolidFiles, HaveEffectiveMassesThatAddUp) {
   for (int i = 0; i < all; ++i) load.row(i) = MR.row(free.dofs[static_cast<std::size_t>(i)]);
   const Eigen::MatrixXd moved = load.transpose() * SparseFactor(free.block(model.M)).solve(load);
   EXPECT_LE((sum - moved.diagonal()).norm(), 1e-9 * sum.norm());
+}
+
+/// As NASTRAN has it: a material that no element has needs no density, one that elements have and that has none weighs nothing, which is
+/// told; a body with no mass at all is refused.
+TEST_F(SolidFiles, MayHaveMaterialsWithoutDensity) {
+  const SolidMesh mesh = test::block(SolidShape::hexa20, {4, 1, 1},
+                                     [](const Vector3d& s) { return Vector3d(s.x(), 0.2 * s.y(), 0.1 * s.z()); }, {70e9, 0.3, 2700.0});
+  const auto of = [&](const std::string& material, const std::string& property, Warnings& warnings) {
+    std::string text = bulk_of(mesh, Fields::free);
+    text.insert(text.find("MAT1"), "PSOLID,5,8\nMAT1,8,7.0+10,,.3" + material + "\n");
+    text.replace(text.find("CHEXA,4,4"), 9, "CHEXA,4," + property);
+    ModalSource source;
+    SolidModel solid{write("a.bdf", text), SolidModel::Units::si, {}, {}, Vector3d::Zero()};
+    solid.root.normal = Vector3d::UnitX();
+    source.model = solid, source.modes.count = 3, source.at.key_path = "modal";
+    return make_modal_data(source, &warnings);
+  };
+  Warnings unused, told, light;
+  EXPECT_NEAR(of("", "4", unused).integrals.I1, 54.0, 1e-9);
+  const ModalData none = of("", "5", told), little = of(",1.-6", "5", light);
+  EXPECT_NEAR(none.integrals.I1, 0.75 * 54.0, 1e-9);
+  EXPECT_LE((none.K - little.K).norm(), 1e-8 * little.K.norm()) << "a density of 1e-6 is 4e-10 of the others";
+  const auto about = [](const Warnings& all) {
+    std::string out;
+    for (const Warning& w : all.all())
+      if (w.what.about.find("MAT1") != std::string::npos) out += w.what.about;
+    return out;
+  };
+  EXPECT_EQ(about(unused), "");
+  EXPECT_EQ(about(told), "elements that weigh nothing, their material has no density: MAT1 8 (1)");
+
+  std::string text = bulk_of(mesh, Fields::free, "7.0+10", "");
+  const SolidMesh nothing = read_bulk_data(write("a.bdf", text), SolidModel::Units::si, {});
+  try {
+    solid_mesh(nothing, {}, {});
+    ADD_FAILURE();
+  } catch (const InputError& e) {
+    EXPECT_EQ(e.diagnostics().front().expected, "a body with mass: a material with a density, or `masses`");
+  }
+  PointMass tip{.mass = 2.0, .position = {1.0, 0.0, 0.0}, .inertia = Eigen::Matrix3d::Zero()};
+  tip.nodes.normal = Vector3d::UnitX();
+  EXPECT_NEAR(solid_mesh(nothing, {tip}, {}).point_mass.sum(), 2.0, 1e-15);
 }
 
 TEST_F(SolidFiles, InOtherUnitsThanSaidAreDoubted) {

@@ -84,6 +84,7 @@ TEST(Units, ThatAreMistypedAreAnsweredByWhatIsMeant) {
   EXPECT_EQ(hint("12 Kg", "kg"), "did you mean \"kg\"?");
   EXPECT_EQ(hint("12 KM", "m"), "did you mean \"km\"?");
   EXPECT_EQ(hint("12 RPM", "rad/s"), "did you mean \"rpm\"?");
+  EXPECT_EQ(hint("8 d", "s"), "did you mean \"day\"?");
   EXPECT_EQ(hint("12 kgm2", "kg m^2"), "did you mean \"kg m^2\"?");
   EXPECT_EQ(hint("9.81 m/s2", "m/s^2"), "did you mean \"m/s^2\"?");
   EXPECT_EQ(hint("9.81 m s-2", "m/s^2"), "did you mean \"m s^-2\"?");

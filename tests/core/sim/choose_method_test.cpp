@@ -3,8 +3,11 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <limits>
+#include <numbers>
 
+#include "core/sim/device_corners.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/properties/random_devices.hpp"
 #include "tests/support/builders.hpp"
@@ -68,9 +71,40 @@ TEST(ChooseMethod, TakesWhatIsStiffImplicitlyWhereItIsNotTakenInClosedForm) {
 SystemSpec with_stepper(double rate, double microsteps) {
   SystemSpec spec = bus_with_boom();
   spec.bodies.push_back(on(rigid("dish", 3.0, {0.0, 0.0, 0.1}, diagonal({0.4, 0.5, 0.1})), "bus", "revolute", {{0, 0, 1}}));
-  spec.devices = {device("drive", "stepper", {{"step", 0.02}, {"holding_torque", 2.0}, {"microsteps", microsteps}}, {{"at", "dish"}})};
+  spec.devices = {device("drive", "stepper", {{"step", 0.02}, {"holding_torque", 0.02}, {"microsteps", microsteps}}, {{"at", "dish"}})};
   spec.devices[0].inputs["rate"] = {rate, {}};
   return spec;
+}
+
+/// The field of a stepper is a spring that is no part of the linear one: a stiff one holds exponential to steps of its own.
+TEST(ChooseMethod, KeepsFromClosedFormsWhereDevicesSwingAsFast) {
+  const double step = 0.02, inertia = 0.1;  // about the axis of the dish, on a bus that is heavier
+  for (const double torque : {0.02, 2.0}) {
+    SystemSpec spec = with_stepper(0.0, 1);
+    spec.devices[0].params["holding_torque"] = {torque, {}};
+    const auto model = compiled(spec);
+    const FastestMotion swing = swing_of_devices(*model, 0.0, model->initial_state());
+    const double alone = std::sqrt(torque * std::numbers::pi / (2.0 * step) / inertia);
+    EXPECT_EQ(swing.what, "what devices push with at dish.rate");
+    EXPECT_NEAR(swing.rate / alone, 1.0, 0.02) << torque;  // the bus, of 9 kg m^2, gives way
+    const MethodChoice c = choose_method(compiled(spec), 1.0, asked(1e-7));
+    EXPECT_EQ(c.options.method, torque < 1.0 ? "exponential" : "dopri5") << c.why;
+    EXPECT_EQ(c.why.find("what devices push with at dish.rate swings at ") != std::string::npos, torque > 1.0) << c.why;
+  }
+}
+
+/// W0401 of a run names what is fastest, be it a device: of its spring 126 rad/s, beside a boom of 82.
+TEST(ChooseMethod, TellsOfDevicesWhereStabilitySetsTheSteps) {
+  SystemSpec spec = with_stepper(0.0, 1);
+  spec.devices[0].params["holding_torque"] = {20.0, {}}, spec.devices[0].params["damping"] = {50.0, {}};
+  spec.bodies.back().hinge.v = {1.0};
+  SimulationOptions options;
+  options.integrator.method = "dopri5", options.integrator.relative_tolerance = 1e-3;
+  Simulation sim(compiled(spec), options);
+  sim.run(20.0);
+  const std::string told = render(sim.warnings());
+  EXPECT_NE(told.find("stability and not accuracy sets the steps of dopri5"), std::string::npos) << told;
+  EXPECT_NE(told.find("; fastest is what devices push with at dish.rate, 126 1/s"), std::string::npos) << told;
 }
 
 TEST(ChooseMethod, CountsTheStepsThatDevicesEndByThemselves) {

@@ -1,6 +1,7 @@
 // A plugin whose every type obeys the laws, until its slide has come to 0.75 m: then it has the fault that CARDAN_FAULT names.
 #include <cmath>
 #include <cstdint>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <stdexcept>
@@ -58,6 +59,11 @@ const cardan_port_desc ports[] = {{"density", CARDAN_PORT_OUT, "kg/m^3", 0.0, 0,
 const cardan_state_desc states[] = {{"sum", "s", 0.0, 1.0, "grows with time"}};
 int push(const cardan_device_args* a, cardan_device_out* o) {
   if (fault("code_device")) return 7;
+  if (fault("stuck_device")) {
+    std::fputs("stuck\n", stderr);
+    for (volatile bool on = true; on;) {
+    }
+  }
   if (fault("overrun_device")) o->zdot[1] = 3.0;
   o->load[0].force[1] = 1e-3 + fault_in("throw_device", "nan_device", "hidden_device");
   o->zdot[0] = 1.0, o->out[0] = a->mount[1].field[0];
