@@ -147,7 +147,8 @@ class LoopCompiler {
       const bool same = given.from.body == given.to.body;
       return report(Code::bad_loop, given, "to", "a place on a body that moves against that of `from`",
                     same ? fmt::format("{} twice", given.to.body.empty() ? "the world" : in_quotes(given.to.body))
-                         : fmt::format("{} and {}, which are fixed to each other", name_of(given.from), name_of(given.to)));
+                         : fmt::format("{} and {}, which are fixed to each other", name_of(given.from), name_of(given.to)),
+                    same ? "" : "while hinges are locked that fix them, the loop may be open (`open: true`; sat:open in a mission)");
     }
     find_paths(loop);
     if (loop.rates.empty())
@@ -260,10 +261,16 @@ class LoopCompiler {
           found.q = u.q + i, found.v = u.v + i;
       }
     if (found.v < 0) {
+      const BodySpec* body = spec_.find(term.target.substr(0, term.target.find('.')));
+      const bool locked = body && body->hinge.locked, loose = body && flies(body->hinge);
       report(Code::unknown_name, given, key,
              legal.empty() ? std::string("a coordinate of a hinge, of which there is none that moves")
                            : "a coordinate of a hinge: " + one_of(legal),
-             in_quotes(term.target), did_you_mean(term.target, legal));
+             fmt::format("{}{}", in_quotes(term.target),
+                         locked  ? ", whose hinge is locked"
+                         : loose ? ", which flies freely"
+                                 : ""),
+             locked || loose ? "meanwhile the loop may be open (`open: true`; sat:open in a mission)" : did_you_mean(term.target, legal));
       return -1;
     }
     if (!std::isfinite(term.coefficient) || term.coefficient == 0.0) {

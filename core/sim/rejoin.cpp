@@ -14,6 +14,7 @@
 #include "core/model/params.hpp"
 #include "core/model/validate.hpp"
 #include "core/sim/simulation.hpp"
+#include "core/spatial/rotation.hpp"
 
 namespace cardan {
 namespace {
@@ -63,7 +64,8 @@ class Rejoining {
       else if (const LoopDrive* drive = drive_of(loop.name))
         (loop.type == "distance" ? loop.length : loop.offset) = length_of(loop.name) + drive->more;
     remember_components();
-    const auto model = compile(std::make_shared<const SystemSpec>(spec_), registry_, options_);
+    auto model = compile(std::make_shared<const SystemSpec>(spec_), registry_, options_);
+    if (hold_from_home(*model)) model = compile(std::make_shared<const SystemSpec>(spec_), registry_, options_);
     const ModelMap map = model_map(before_, *model);
     State state = carried(state_, map, *model);
     state.q = model->initial_state().q;
@@ -174,6 +176,28 @@ class Rejoining {
              fmt::format("{}.{}, a node of a flexible body", loop.to.body, loop.to.node), "let the flexible body be `from`");
     const Pose<double> X = inverse(place(loop.to.body, "", {}).pose) * place(loop.from.body, loop.from.node, in_place(loop.from)).pose;
     loop.to.node.clear(), loop.to.R = to_eigen(X.R), loop.to.position = to_eigen(X.p);
+  }
+
+  /// Poses that are held as they were found are seen from the origin of the world, in orbit to 1e-9 m. From the home of the loop they are
+  /// known to the size of the loop: held so, loops that imply each other do not contradict each other by rounding. false: none is another.
+  bool hold_from_home(const Model& model) {
+    bool other = false;
+    Workspace ws(model);
+    const Eigen::VectorXd q = model.initial_state().q;
+    Eigen::VectorXd open;
+    for (const Loop& loop : model.loops.all) {
+      const auto spec = std::ranges::find(spec_.loops, loop.name, &LoopSpec::name);
+      if (loop.home == 0 || !spec->as_found || !spec->to.node.empty()) continue;
+      if (open.size() == 0) open = loop_rows(model, ws, q.data()).c;
+      if (!(open.segment<6>(loop.first).lpNorm<Eigen::Infinity>() > 1e-14)) continue;
+      const double* c = loop_forces(ws).residual.data() + loop.first;  // of a weld: rotation vector and place of `to` in `from`
+      const Vec3<double> turn{c[0], c[1], c[2]};
+      const Pose<double> apart{rotation_of_vector(rotation_coefficients(dot(turn, turn)), turn), {c[3], c[4], c[5]}};
+      const Pose<double> to = Pose<double>{from_eigen(spec->to.R), from_eigen(spec->to.position)} * inverse(apart);
+      spec->to.R = to_eigen(to.R), spec->to.position = to_eigen(to.p);
+      other = true;
+    }
+    return other;
   }
 
   /// Only bodies, hinges and what gives them mass: what M is made of.

@@ -75,6 +75,13 @@ std::string at_text(const HingeSpec& h) {
                      point_text(R.row(1)), point_text(R.row(2)));
 }
 
+/// A particle that nothing hangs on and no loop holds: its rotation has no equation.
+bool spins_without_inertia(const SystemSpec& spec, const BodySpec& body) {
+  return body.type == "particle" &&
+         std::ranges::none_of(spec.bodies, [&](const BodySpec& b) { return b.hinge.inboard_body == body.name; }) &&
+         std::ranges::none_of(spec.loops, [&](const LoopSpec& l) { return l.from.body == body.name || l.to.body == body.name; });
+}
+
 /// vehicle:detach "upper": the hinge between the body and the one inboard of it is gone; the body flies on with all that hangs on it.
 int vehicle_detach(lua_State* L) {
   Scenario& s = scenario_of(L, "vehicle:detach");
@@ -82,6 +89,14 @@ int vehicle_detach(lua_State* L) {
   if (body.hinge.inboard_body.empty() && body.hinge.type == "free" && !body.hinge.locked)
     refuse(L, Code::other_vehicle, "vehicle:detach", "a body that hangs on another one, or on the world",
            body.name + ", which flies freely");
+  if (spins_without_inertia(*s.model->spec, body))
+    refuse(
+        L, Code::other_vehicle, "vehicle:detach", "a body that has inertia, or carries one: what is let go turns by itself",
+        body.name + ", a particle",
+        fmt::format(
+            "sat:attach(\"{}\", {{to = {{body = \"world\", orientation = {{quaternion_wxyz = {{sat:body(\"{}\"):attitude()}}}}}}, type = "
+            "\"translational\"}})",
+            body.name, body.name));
   want(L, s, "bodies." + body.name + ".hinge", "{type: free, to: world" + at_text(body.hinge) + "}", "detach " + body.name);
   return 0;
 }

@@ -569,9 +569,12 @@ class MjcfReader {
 
   void read_ends(const XmlElement& e, RobotClosure& c) {
     c.type = e.name == "connect" ? "point" : "weld";
+    // A weld that does not care for rotations holds its anchor alone.
+    const bool turns = c.type == "weld" && source_.number({e}, "torquescale", 1.0) != 0.0;
     if (e.attribute("site1") || e.attribute("site2")) {
       const auto *a = named(e, "site1", "site", sites_), *b = named(e, "site2", "site", sites_);
       if (a && b) c.from = {a->first, a->second}, c.to = {b->first, b->second};
+      if (!turns) c.type = "point";
       return;
     }
     const int* a = named(e, "body1", "body", bodies_);
@@ -592,6 +595,10 @@ class MjcfReader {
       c.from.place.X = inverse(of_a) * of_b;
     else
       c.from.place.X = {rotation_of_quaternion(pose[3], pose[4], pose[5], pose[6]), {pose[0], pose[1], pose[2]}};
+    if (turns) return;
+    c.type = "point";
+    c.to.place.X.p = source_.vector({e}, "anchor", Vec3<double>{});
+    c.from.place.X = c.from.place.X * c.to.place.X;
   }
 
   void read_joint_equality(const XmlElement& e, RobotClosure& c) {

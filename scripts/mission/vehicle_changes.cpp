@@ -130,6 +130,10 @@ Rejoined VehicleChanges::make() {
       const Wish& by = about == wishes.end() ? wishes.front() : *about;
       actor_ = by.actor;
       d.at.mark = by.by, d.stack = by.stack;
+      if (d.code == Code::open_start) {
+        d.about = "the ends of a loop do not meet", d.expected = "a loop whose ends meet where they are";
+        d.got += fmt::format(" at t = {:.6g} s", s_.sim->state().t), d.hint = "a weld with as_found: true holds its ends as they are";
+      }
     }
     throw InputError(all);
   }

@@ -614,6 +614,28 @@ TEST(ImportMjcf, WeldsHoldTheRelativePose) {
   EXPECT_LE(distance(sites.to.position, Vector3d(1, -2, 1)), 0.0);
 }
 
+// MuJoCo: torquescale 0 makes the weld a connect, at its anchor on the second body.
+TEST(ImportMjcf, AWeldThatDoesNotCareForRotationsIsAPoint) {
+  const std::string bodies =
+      "<worldbody><body name='a' pos='1 0 0' euler='0 0 90'><joint axis='1 0 0'/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/><site "
+      "name='s' pos='0 0 1'/></body><body name='b' pos='0 2 0'><joint axis='0 1 0'/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>"
+      "<site name='t' pos='1 -2 1'/></body></worldbody>";
+  const auto loop = [&](const std::string& equality) {
+    return spec_of("<mujoco>" + bodies + "<equality>" + equality + "</equality></mujoco>").loops.at(0);
+  };
+  const LoopSpec as_it_is = loop("<weld body1='a' body2='b' anchor='0.3 0.2 0.1' torquescale='0'/>");
+  EXPECT_EQ(as_it_is.type, "point");
+  EXPECT_LE(distance(as_it_is.to.position, Vector3d(0.3, 0.2, 0.1)), 0.0);
+  EXPECT_LE(distance(as_it_is.from.position, Vector3d(2.2, 0.7, 0.1)), 1e-15);
+  const LoopSpec given = loop("<weld body1='a' body2='b' anchor='0.3 0.2 0.1' relpose='2 1 0 1 0 0 1' torquescale='0'/>");
+  EXPECT_EQ(given.type, "point");
+  EXPECT_LE(distance(given.from.position, Vector3d(1.8, 1.3, 0.1)), 1e-15);
+  const LoopSpec sites = loop("<weld site1='s' site2='t' torquescale='0'/>");
+  EXPECT_EQ(sites.type, "point");
+  EXPECT_LE(distance(sites.to.position, Vector3d(1, -2, 1)), 0.0);
+  EXPECT_EQ(loop("<weld body1='a' body2='b' torquescale='0.5'/>").type, "weld");
+}
+
 TEST(Import, NamesAndTextsOfOthersStayInsideOfTheirComments) {
   const std::string text =
       "<robot name=\"it's: &#10;x: 1\"><link name=\"a.b&#10;  evil: 1\"><inertial><mass value='1'/><inertia ixx='1' iyy='1' "
