@@ -14,6 +14,7 @@ namespace {
 constexpr double kDrift = 10.0;      // relative tolerances that the history of an integrator may be off before it starts anew
 constexpr double kGivenOpen = 1e-6;  // what a state that was given may be open by: typed numbers have a finite number of digits
 constexpr double kGivenDrift = 1e3;  // ... or so many relative tolerances
+constexpr double kGivenMoves = 1e3;  // how much more than that its coordinates may move [rad, m; of large ones relatively]
 
 double pace_of(const Eigen::VectorXd& v) { return std::max(1.0, v.size() == 0 ? 0.0 : v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>()); }
 
@@ -160,7 +161,18 @@ void Simulation::start_closed() {
   Momentum p_before;
   Energy e_before;
   if (struck) ledger(), p_before = momentum(), e_before = energy();
+  Eigen::Map<Eigen::VectorXd> as_given(x_.data(), model_->nq);  // packed anew after this
+  as_given = state_.q;
   if (!close_loops(state_.t, state_.q.data(), state_.v.data())) fail(explain({}));
+  // Rows that contradict each other by what was typed hold almost nothing beside each other: what closes them is far away.
+  const double moved = ((state_.q - as_given).array().abs() / as_given.array().abs().max(1.0)).maxCoeff();
+  const double far = kGivenMoves * std::max(loops_->distance(), kGivenOpen);
+  if (steps_ == 0 && !(moved <= far)) {
+    breakdown_ = {.body = 1, .value = loops_->distance(), .limit = loops_->distance() * far / moved, .row = loops_->worst()};
+    state_.q = as_given;
+    keep_broken(state_.t, state_.q.data());
+    fail(explain({}));
+  }
   const double limit = std::max(kGivenOpen, kGivenDrift * options_.integrator.relative_tolerance);
   const double open = prescribed_.empty() && drives_.empty() ? std::max(loops_->distance(), loops_->rate() / pace) : loops_->distance();
   if (!(open <= limit)) {

@@ -1,4 +1,5 @@
 // What a mission asks of a loop and gives it: sat:loop.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
@@ -209,6 +210,35 @@ TEST(LoopsOfAMission, AreSolvedInThreeWaysThatDescribeCompares) {
   write(dir / "scenario.lua", "vehicle 'vehicle.yaml'\nmission { duration = 1 }\n");
   const Finished text = run_program({"describe", ".", "--forms"}, dir.path());
   EXPECT_NE(text.out.find("differences at this state: v' from that of the dense twin"), std::string::npos) << text.out << text.err;
+}
+
+// Three parallel legs whose places are typed to 1e-8 m: no posture but those in line closes them, and none of these is near.
+TEST(LoopsOfAMission, ThatContradictEachOtherByRoundingDoNotMoveAwayInAnyForm) {
+  for (const char* form : {"auto", "embedding", "multipliers", "dae"})
+    for (const double off : {0.0, 1e-9, 1e-8, 5e-7}) {
+      const TemporaryFolder dir;
+      write(dir / "vehicle.yaml", fmt::format(R"yaml(
+cardan: 1
+loop_form: {}
+gravity: {{uniform: [0.4, -9, 0]}}
+bodies:
+  base: {{mass: 30, inertia: [1, 1, 1], hinge: {{type: locked, to: world}}}}
+  leg_1: {{mass: 1, com: [0, 0.2, 0], inertia: [0.01, 0.01, 0.01], nodes: {{t: {{position: [0, 0.5, 0]}}}}, hinge: {{type: revolute, axis: [0, 0, 1], to: base, initial: {{angle: 0.3, rate: 0.5}}}}}}
+  leg_2: {{mass: 1, com: [0, 0.2, 0], inertia: [0.01, 0.01, 0.01], nodes: {{t: {{position: [0, 0.5, 0]}}}}, hinge: {{type: revolute, axis: [0, 0, 1], to: {{body: base, position: [0.5, 0, 0]}}, initial: {{angle: 0.3, rate: 0.5}}}}}}
+  leg_3: {{mass: 1, com: [0, 0.2, 0], inertia: [0.01, 0.01, 0.01], nodes: {{t: {{position: [0, 0.5, 0]}}}}, hinge: {{type: revolute, axis: [0, 0, 1], to: {{body: base, position: [1, 0, 0]}}, initial: {{angle: 0.3, rate: 0.5}}}}}}
+  plate: {{mass: 1, com: [0.5, 0.1, 0], inertia: [0.05, 0.05, 0.05], hinge: {{type: revolute, axis: [0, 0, 1], to: leg_1.t, initial: {{angle: -0.3, rate: -0.5}}}}}}
+loops:
+  second: {{type: point, from: leg_2.t, to: {{body: plate, position: [0.5, 0, 0]}}}}
+  third: {{type: point, from: leg_3.t, to: {{body: plate, position: [{:.17g}, 0, 0]}}}}
+)yaml",
+                                              form, 1.0 + off));
+      write(dir / "scenario.lua",
+            "local sat = vehicle 'vehicle.yaml'\nmission { duration = 0.1 }\n"
+            "check { name = 'moves on', value = function() return sat:hinge('leg_1'):angle() end, unit = 'rad', above = 0.3 }\n");
+      const Finished done = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+      EXPECT_EQ(done.exit_code, off == 0.0 ? 0 : 3) << form << " " << off << "\n" << done.err;
+      EXPECT_EQ(done.err.find("N0601") != std::string::npos, off > 0.0) << form << " " << off << "\n" << done.err;
+    }
 }
 
 }  // namespace
