@@ -17,8 +17,7 @@ static_assert(std::atomic<bool>::is_always_lock_free && std::atomic<int>::is_alw
 
 constexpr std::string_view kWaits =
     "asked to end: waiting for the step under way, to write the results. A second signal, a second from now, ends the program at once, "
-    "with "
-    "what run.h5 has by then\n";
+    "with what run.h5 has by then\n";
 constexpr long kOneOrder = 1000;  // [ms] programs such as timeout send theirs to the process and to its group
 
 /// Of what it calls all may be called by a signal.
