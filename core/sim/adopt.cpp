@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "core/sim/far_loops.hpp"
 #include "core/sim/newton_operators.hpp"
 #include "core/sim/simulation.hpp"
 
@@ -167,6 +168,8 @@ void Simulation::take_in() {
            fmt::format("{} of its {} modes start from rest: their mass or stiffness is another one now", anew, u.n_modes),
            "a change that leaves shapes and frequencies as they are keeps them");
   }
+  const Warnings far = loops_far_from_home(*this);
+  for (const Warning& w : far.all()) warn(w.what.code, w.what.at, w.what.about, w.what.hint);
   const Sums are = sums();
   balances_.go_on(are.momentum, are.energy);
   if (recorder_)

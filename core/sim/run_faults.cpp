@@ -10,6 +10,7 @@
 #include "core/model/doubts.hpp"
 #include "core/sim/device_corners.hpp"
 #include "core/sim/expected_stiffness.hpp"
+#include "core/sim/far_loops.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/plugin_faults.hpp"
 #include "core/sim/simulation.hpp"
@@ -143,7 +144,8 @@ void Simulation::expect_progress() {
 }
 
 void Simulation::say_doubts() {
-  const Warnings doubts = doubts_at_start(*model_, state_.q.data(), state_.v.data());
+  Warnings doubts = doubts_at_start(*model_, state_.q.data(), state_.v.data());
+  doubts.add(loops_far_from_home(*this));
   for (const Warning& w : doubts.all()) warn(w.what.code, w.what.at, w.what.about, w.what.hint);
 }
 

@@ -238,5 +238,27 @@ TEST(Assembler, RefusesNamesAndWeightsThatThereAreNot) {
             "  got:      -1\n\n2 errors. Nothing was run.\n");
 }
 
+/// Two free flyers that a loop joins: in orbit its ends are known to the rounding of their places, and the run says so; on one tree, or
+/// near the origin, it does not.
+TEST(LoopsOfFreeFlyers, FarFromTheOriginAreToldOf) {
+  const auto told = [](double away, const char* inboard) {
+    SystemSpec spec = system({on(rigid("chaser", 20.0, {0, 0, 0}, diagonal({2, 3, 4})), "", "free"),
+                              on(rigid("target", 50.0, {0, 0, 0}, diagonal({5, 6, 7})), inboard, "free")});
+    spec.bodies[0].hinge.q = {1, 0, 0, 0, away, 0, 0};
+    spec.bodies[1].hinge.q = {1, 0, 0, 0, (*inboard ? 0.0 : away) + 2.0, 0, 0};
+    LoopSpec& grip = spec.loops.emplace_back();
+    grip.name = "grip", grip.type = "ball", grip.from.body = "chaser", grip.to.body = "target";
+    grip.from.position = {1, 0, 0}, grip.to.position = {-1, 0, 0};
+    Simulation sim(compiled(spec), {});
+    sim.run(0.01);
+    return std::ranges::count_if(sim.warnings().all(), [](const Warning& w) {
+      return w.what.code == Code::unusual_value && w.what.at.key_path == "loops.grip" && w.what.hint.starts_with("chaser and target");
+    });
+  };
+  EXPECT_EQ(told(6.9e6, ""), 1);
+  EXPECT_EQ(told(1000.0, ""), 0);
+  EXPECT_EQ(told(6.9e6, "chaser"), 0);
+}
+
 }  // namespace
 }  // namespace cardan::test
