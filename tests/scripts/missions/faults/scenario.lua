@@ -55,6 +55,11 @@ controller { name = "statistics", rate = "100 Hz", step = function()
   local y, z = told[2] / unit, (told[3] - truth) / unit
   log.n, log.y, log.yy, log.z, log.zz, log.yz = log.n + 1, log.y + y, log.yy + y * y, log.z + z, log.zz + z * z, log.yz + y * z
 end }
+-- Faults go on in a vehicle that is compiled again: while a drift is drawn on, and while the gyro is stuck.
+for i, at in ipairs { 3.53, 5.23 } do
+  event { name = "heavier " .. i, direction = "rising", when = function(t) return t - at end,
+          action = function() sat:change { ["bodies.bus.mass"] = ("%d kg"):format(100 + 10 * i) } end }
+end
 local function of(x) return function() return x() / log.n end end
 check { name = "worst reading", unit = "rad/s", value = function() return log.worst end, below = 1e-9 }
 check { name = "rate of the bus", unit = "rad/s", value = function() return select(3, bus:rate()) end, equal = { 0.065, tolerance = 1e-11 } }
