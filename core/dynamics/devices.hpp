@@ -37,8 +37,8 @@ struct ForeignCall {
 
 /// A port with a fault: whoever reads it gets scale x + offset + drift (t - since) in place of x.
 struct AlteredPort {
-  int index;  // as in Devices::in0, or of all outputs
-  double scale = 1.0, offset = 0.0, drift = 0.0, since = 0.0;
+  int index;                                                   // as in Devices::in0, or of all outputs
+  double scale = 1.0, offset = 0.0, drift = 0.0, since = 0.0;  // [-], [unit of the port], [unit of the port / s], [s]
   double operator()(double x, double t) const { return scale * x + offset + drift * (t - since); }
 };
 

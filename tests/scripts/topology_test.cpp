@@ -1,4 +1,5 @@
 // Bodies that part and join in a run: sat:attach, detach, lock, unlock, close, open.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -481,6 +482,28 @@ loops:
               "phase { name = 'b', duration = 1 }\n",
               kGeared);
   EXPECT_EQ(done.exit_code, 0) << done.err;
+}
+
+/// Where an event closes it: between two free flyers in orbit, and not with the one on a free hinge to the other.
+TEST(Topology, ALoopFarFromItsHomeIsToldOf) {
+  const auto told = [](const char* inboard, const char* place) {
+    const std::string vehicle = fmt::format(R"yaml(
+cardan: 1
+bodies:
+  chaser: {{mass: 20, inertia: [2, 3, 4], hinge: {{type: free, to: world, initial: {{position: [6.9e6, 0, 0]}}}}}}
+  guest: {{mass: 50, inertia: [5, 6, 7], hinge: {{type: free, to: {}, initial: {{position: [{}, 0, 0]}}}}}}
+loops:
+  grip: {{type: ball, from: {{body: chaser, position: [1, 0, 0]}}, to: {{body: guest, position: [-1, 0, 0]}}, open: true}}
+)yaml",
+                                            inboard, place);
+    const TemporaryFolder dir;
+    const Finished done = mission(
+        dir, "phase { name = 'a', duration = 1, exit_ = function() sat:close 'grip' end }\nphase { name = 'b' }\n", vehicle.c_str());
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    return summary_of(dir / "out").at("warnings").dump().find("counted from the origin of the world") != std::string::npos;
+  };
+  EXPECT_TRUE(told("world", "6900002"));
+  EXPECT_FALSE(told("chaser", "2"));
 }
 
 }  // namespace
