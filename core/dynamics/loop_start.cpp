@@ -9,6 +9,7 @@
 #include "core/dynamics/inverse.hpp"
 #include "core/dynamics/loop_pass.hpp"
 #include "core/model/components.hpp"
+#include "core/model/embed_loops.hpp"
 #include "core/model/validate.hpp"
 
 namespace cardan {
