@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/base/diagnostic.hpp"
+#include "core/dynamics/device_tangents.hpp"
 #include "core/dynamics/inverse.hpp"
 
 namespace cardan::operators {

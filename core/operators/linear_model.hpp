@@ -9,23 +9,10 @@
 #include <string>
 #include <vector>
 
-#include "core/dynamics/devices.hpp"
+#include "core/operators/operating_point.hpp"
 #include "core/operators/tree_operators.hpp"
 
 namespace cardan::operators {
-
-/// Where the model is taken, in the user's order; units as in Model. Loops are closed there.
-struct OperatingPoint {
-  double t = 0.0;  // [s]
-  const double* q = nullptr;
-  const double* v = nullptr;
-  const double* tau = nullptr;                // forces of actuators and devices, without springs; null = 0
-  const double* vdot = nullptr;               // of given motions, the others not read; null = 0
-  std::span<const NodeWrench> wrenches = {};  // those of devices first, as Simulation::wrenches() has them
-  const DeviceForces* devices = nullptr;      // evaluated at the point; null: their loads are held
-  const FieldMoment* moment = nullptr;        // as Inputs::moment
-  const LoopDrive* drives = nullptr;          // as Inputs::drives
-};
 
 /// Inputs and outputs by name. A name may stand for several; .x, .y, .z behind a node's quantity is one of three. Components of
 /// inputs are named as in components.hpp.

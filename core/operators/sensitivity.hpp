@@ -7,7 +7,7 @@
 #include <optional>
 #include <span>
 
-#include "core/dynamics/devices.hpp"
+#include "core/dynamics/device_tangents.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "core/operators/tree_operators.hpp"
 #include "core/soa/tangent.hpp"

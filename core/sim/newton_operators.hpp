@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "core/dynamics/devices.hpp"
+#include "core/dynamics/device_tangents.hpp"
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/tree_operators.hpp"
