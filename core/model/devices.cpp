@@ -4,13 +4,13 @@
 
 #include <algorithm>
 #include <cmath>
-#include <functional>
 #include <map>
 #include <numeric>
 #include <set>
 
 #include "core/abi/port_vectors.hpp"
 #include "core/base/units.hpp"
+#include "core/model/device_order.hpp"
 #include "core/model/device_units.hpp"
 #include "core/model/fields.hpp"
 #include "core/model/params.hpp"
@@ -281,11 +281,7 @@ class DeviceCompiler {
   }
 
   static const cardan_port_desc& port(const Device& d, std::uint32_t kind, int index) { return port_at(*d.family, kind, index); }
-  std::pair<int, int> owner_of_output(int out) const {
-    int i = static_cast<int>(devices_.all.size()) - 1;
-    while (devices_.all[static_cast<std::size_t>(i)].out > out) --i;
-    return {i, out - devices_.all[static_cast<std::size_t>(i)].out};
-  }
+  std::pair<int, int> owner_of_output(int out) const { return cardan::owner_of_output(devices_, out); }
 
   void connect() {
     for (Device& d : devices_.all)
@@ -295,8 +291,7 @@ class DeviceCompiler {
         if (const auto* sources = std::get_if<std::string>(&given->second.value)) add_sources(d, k, *sources, given->second);
       }
     connect_validity();
-    if (complete_) order();
-    if (complete_) find_sampled_cycle();
+    if (complete_) complete_ = order_devices(spec_, devices_, sink_);
     if (complete_) find_flows();
     for (Device& d : devices_.all) {
       d.acts = (d.family->n_states > 0 && !d.family->follow) || d.family->n_roots > 0;
@@ -521,136 +516,6 @@ class DeviceCompiler {
                   in_quotes(source), did_you_mean(source, legal));
   }
 
-  /// True if this output of `d` depends on its input k in the same evaluation.
-  static bool feeds_through(const Device& d, int out, int in) { return in >= 64 || (port(d, CARDAN_PORT_OUT, out).direct >> in & 1U) != 0; }
-
-  /// A device that gives something to another one; `waits`: that output needs a connected input of its own, so that the giver comes first.
-  struct Giver {
-    int device;
-    bool waits;
-    int in, out;  // numbers of the ports
-  };
-  std::vector<Giver> givers_of(int i) const {
-    std::vector<Giver> all;
-    const Device& d = devices_.all[static_cast<std::size_t>(i)];
-    for (int k = d.in; k < d.in + d.n_in; ++k) {
-      devices_.each_source(k, [&](int out) {
-        const auto [giver, own] = owner_of_output(out);
-        const Device& g = devices_.all[static_cast<std::size_t>(giver)];
-        bool waits = false;
-        for (int j = 0; j < g.n_in; ++j)
-          waits = waits || (feeds_through(g, own, j) && devices_.from[static_cast<std::size_t>(g.in + j)] >= 0);
-        all.push_back({giver, waits, k - d.in, own});
-      });
-    }
-    return all;
-  }
-
-  /// Who gives comes before who takes wherever that can be; an output that waits for nothing may be taken earlier, its device is then
-  /// evaluated once before all.
-  void order() {
-    const std::size_t n = devices_.all.size();
-    std::vector<std::vector<Giver>> givers;
-    for (std::size_t i = 0; i < n; ++i) givers.push_back(givers_of(static_cast<int>(i)));
-    std::vector<bool> done(n, false);
-    const auto open = [&](const Giver& g) { return !done[static_cast<std::size_t>(g.device)]; };
-    while (devices_.order.size() < n) {
-      int next = -1;
-      std::ptrdiff_t early = 0;  // outputs that `next` would take before their devices are evaluated
-      for (std::size_t i = 0; i < n; ++i) {
-        if (done[i] || std::ranges::any_of(givers[i], [&](const Giver& g) { return g.waits && open(g); })) continue;
-        const std::ptrdiff_t here = std::ranges::count_if(givers[i], open);
-        if (next < 0 || here < early) next = static_cast<int>(i), early = here;
-      }
-      if (next < 0) return report_cycle(givers, done);
-      for (const Giver& g : givers[static_cast<std::size_t>(next)])
-        if (open(g) && std::ranges::find(devices_.first, g.device) == devices_.first.end()) devices_.first.push_back(g.device);
-      done[static_cast<std::size_t>(next)] = true;
-      devices_.order.push_back(next);
-    }
-  }
-
-  /// From any device that waits along who it waits for, until one comes again.
-  void report_cycle(const std::vector<std::vector<Giver>>& givers, const std::vector<bool>& done) {
-    std::vector<int> path = {static_cast<int>(std::ranges::find(done, false) - done.begin())};
-    std::vector<std::string> links;  // from each of the path to the next
-    while (true) {
-      const auto& of = givers[static_cast<std::size_t>(path.back())];
-      const Giver& g = *std::ranges::find_if(of, [&](const Giver& o) { return o.waits && !done[static_cast<std::size_t>(o.device)]; });
-      const Device &taker = devices_.all[static_cast<std::size_t>(path.back())], &giver = devices_.all[static_cast<std::size_t>(g.device)];
-      links.push_back(fmt::format("{}.{} <- {}.{}", taker.name, port(taker, CARDAN_PORT_IN, g.in).name, giver.name,
-                                  port(giver, CARDAN_PORT_OUT, g.out).name));
-      const auto seen = std::ranges::find(path, g.device);
-      if (seen == path.end()) {
-        path.push_back(g.device);
-        continue;
-      }
-      links.erase(links.begin(), links.begin() + (seen - path.begin()));
-      return fault(Code::device_cycle, spec_of(giver), "inputs", "outputs that do not wait for each other in one evaluation",
-                   fmt::format("{}", fmt::join(links, ", ")),
-                   "`delay: 1` at one of these inputs (inputs: {x: {from: ..., delay: 1}}: what it was a tick ago), a state in one of "
-                   "them (a lag), or one device in place of them");
-    }
-  }
-
-  /// A device that samples, and what the input of another one needs of it: the names of both ends.
-  struct Sampled {
-    int device;
-    std::string link;
-  };
-  /// The devices whose last ticks are in what an input reads now: those that give it, also by way of continuous ones.
-  void sampled_behind(int in, const std::string& link, std::vector<Sampled>& all) const {
-    devices_.each_source(in, [&](int out) {
-      const auto [giver, own] = owner_of_output(out);
-      const Device& g = devices_.all[static_cast<std::size_t>(giver)];
-      const std::string here = fmt::format("{} <- {}.{}", link, g.name, port(g, CARDAN_PORT_OUT, own).name);
-      if (g.family->tick) all.push_back({giver, here});
-      for (int k = 0; k < g.n_in; ++k)
-        if (feeds_through(g, own, k))
-          sampled_behind(g.in + k, fmt::format("{}, {}.{}", here, g.name, port(g, CARDAN_PORT_IN, k).name), all);
-    });
-  }
-
-  /// Devices that sample at the same instants, in one part of them (before the controllers, or after), and take from each other: which of
-  /// them has what the other one gave a tick ago would follow from their names.
-  void find_sampled_cycle() {
-    const int n = static_cast<int>(devices_.all.size());
-    std::vector<std::vector<Sampled>> behind(static_cast<std::size_t>(n));
-    for (int i = 0; i < n; ++i) {
-      const Device& d = devices_.all[static_cast<std::size_t>(i)];
-      if (!d.family->tick) continue;
-      for (int k = 0; k < d.n_in; ++k)
-        sampled_behind(d.in + k, fmt::format("{}.{}", d.name, port(d, CARDAN_PORT_IN, k).name), behind[static_cast<std::size_t>(i)]);
-      std::erase_if(behind[static_cast<std::size_t>(i)], [&](const Sampled& g) {  // its own last output is its memory
-        const Device& other = devices_.all[static_cast<std::size_t>(g.device)];
-        return g.device == i || ticks_late(other) != ticks_late(d) || spec_of(other).offset != spec_of(d).offset;
-      });
-    }
-    std::vector<char> state(static_cast<std::size_t>(n), 0);  // 1: on the way, 2: done
-    std::vector<Sampled> way;
-    const std::function<bool(int)> visit = [&](int i) {
-      state[static_cast<std::size_t>(i)] = 1;
-      for (const Sampled& g : behind[static_cast<std::size_t>(i)]) {
-        way.push_back({i, g.link});
-        if (state[static_cast<std::size_t>(g.device)] == 1) {
-          std::vector<std::string> links;
-          for (auto at = std::ranges::find(way, g.device, &Sampled::device); at != way.end(); ++at) links.push_back(at->link);
-          fault(Code::device_cycle, spec_of(devices_.all[static_cast<std::size_t>(g.device)]), "inputs",
-                "devices that do not wait for each other at one tick", fmt::format("{}", fmt::join(links, ", ")),
-                "`delay: 1` at one of these inputs (inputs: {x: {from: ..., delay: 1}}: what it was a tick ago), an `offset` of one of "
-                "them, or one device in place of them");
-          return true;
-        }
-        if (state[static_cast<std::size_t>(g.device)] == 0 && visit(g.device)) return true;
-        way.pop_back();
-      }
-      state[static_cast<std::size_t>(i)] = 2;
-      return false;
-    };
-    for (int i = 0; i < n; ++i)
-      if (state[static_cast<std::size_t>(i)] == 0 && visit(i)) return;
-  }
-
   const SystemSpec& spec_;
   const Registry& registry_;
   const Model& model_;
@@ -676,9 +541,6 @@ Devices compile_devices(const SystemSpec& spec, const Registry& registry, const 
 
 Warnings unheeded_validity(const Model& m) {
   Warnings found;
-  const auto owner = [&](int out) -> const Device& {
-    return *std::ranges::find_if(m.devices.all, [&](const Device& d) { return out >= d.out && out < d.out + d.n_out; });
-  };
   for (const Device& d : m.devices.all) {
     std::set<int> taken;  // outputs, at once or later
     std::vector<std::pair<int, int>> links;
@@ -689,7 +551,7 @@ Warnings unheeded_validity(const Model& m) {
         for (const int out : line.outs) take(line.input, out);
     std::map<std::string, std::string> unheeded;  // what says it -> what is taken
     for (const auto& [in, out] : links) {
-      const Device& from = owner(out);
+      const Device& from = m.devices.all[static_cast<std::size_t>(owner_of_output(m.devices, out).first)];
       const cardan_port_desc& given = port_at(*from.family, CARDAN_PORT_OUT, out - from.out);
       if (!given.valid || taken.contains(from.out + place_of_port(*from.family, CARDAN_PORT_OUT, given.valid))) continue;
       std::string& names = unheeded[from.name + "." + given.valid];
