@@ -90,7 +90,7 @@ int event(lua_State* L, Scenario& s) {
   ScriptEvent e;
   e.name = d.name();
   e.when = d.function("when", true);
-  e.action = d.function("action", true);
+  e.action = d.function("action", false);
   const std::string direction = d.table().choice("direction", {"rising", "falling", "both"}).value_or("both");
   e.direction = direction == "rising" ? 1 : direction == "falling" ? -1 : 0;
   e.once = d.table().flag("once").value_or(false);

@@ -8,6 +8,7 @@
 #include <limits>
 #include <memory>
 #include <new>
+#include <span>
 
 #include "core/base/poll.hpp"
 #include "core/base/units.hpp"
@@ -324,9 +325,17 @@ int index(lua_State* L) {
   const Index i = position(L, 2, b.rows, b.row_labels);
   if (i < 0 && lua_type(L, 2) == LUA_TSTRING) {
     lua_pushvalue(L, lua_upvalueindex(1));
-    const auto methods = method_names(L, lua_gettop(L));
-    misfit(L, shape(b), fmt::format("a name of its labels, or a method: {}", fmt::join(methods, ", ")), describe_value(L, 2),
-           did_you_mean(lua_tostring(L, 2), methods));
+    std::vector<std::string> legal = method_names(L, lua_gettop(L));
+    std::string entries = fmt::format("1 to {}", b.rows), methods = fmt::format("{}", fmt::join(legal, ", "));
+    if (b.row_labels && !b.row_labels->names.empty()) {
+      const std::vector<std::string>& names = b.row_labels->names;
+      constexpr std::size_t most = 30;
+      entries = fmt::format("one of its names: {}{}", fmt::join(std::span(names).first(std::min(most, names.size())), ", "),
+                            names.size() > most ? ", ..." : "");
+      legal.insert(legal.begin(), names.begin(), names.end());
+    }
+    misfit(L, shape(b), fmt::format("{}, or a method: {}", entries, methods), describe_value(L, 2),
+           did_you_mean(lua_tostring(L, 2), legal));
   }
   if (i < 0) expect_position(L, 2, b.rows, b.row_labels, "index of " + shape(b));
   if (b.is_vector) {

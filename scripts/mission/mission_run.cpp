@@ -75,7 +75,7 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
                    [this, i, &e, actor] {
                      const double t = s_.sim->time();
                      happened_[i] = e.once;
-                     call(actor, [&] { e.action.call({&t, 1}, {}); });
+                     if (e.action) call(actor, [&] { e.action.call({&t, 1}, {}); });
                      change_phases(false);
                    }});
   }

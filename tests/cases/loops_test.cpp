@@ -4,6 +4,7 @@
 #include <numbers>
 
 #include "core/model/loops.hpp"
+#include "core/sim/rejoin.hpp"
 #include "tests/cases/andrews.hpp"
 #include "tests/cases/published.hpp"
 #include "tests/support/worse.hpp"
@@ -409,6 +410,83 @@ TEST(Peaucellier, DrawsAStraightLine) {
     expect_relative(by + "time at 1.2 rad", there->front(), ref.number("time at 1.2 rad"), ref.tolerance("rel"));
     expect_relative(by + "rate at 1.2 rad", rate, ref.number("rate at 1.2 rad"), ref.tolerance("rel"));
     expect_relative(by + "y of the far corner at 1.2 rad", y, ref.number("y of the far corner"), ref.tolerance("rel"));
+  }
+}
+
+// The cross turns about the z axis of the first shaft, which is across the plane of both, and the y axis of the second.
+TEST(CardanJoint, TurnsTheSecondShaftUnevenly) {
+  const Published ref("loop-cardan-joint");
+  const double W = ref.model()["rate_of_the_first_rads"].as<double>(), J = ref.model()["inertia_of_the_second_kgm2"].as<double>(),
+               b = std::numbers::pi / 6.0;
+  BodySpec first = on(rigid("first", 1.0, Vector3d::Zero(), diagonal({0.1, 0.1, 0.1})), "", "revolute", {X});
+  first.hinge.prescribed = {0};
+  first.hinge.v = {W};
+  BodySpec second = on(rigid("second", 1.0, Vector3d::Zero(), diagonal({J, 0.1, 0.1})), "", "revolute", {X});
+  second.hinge.onode_R = Eigen::AngleAxisd(b, Z).toRotationMatrix();
+  second.hinge.v = {W * std::cos(b)};
+  SystemSpec spec = system({first, second});
+  LoopSpec cross;
+  cross.name = "cross", cross.type = "universal";
+  cross.from.body = "first", cross.to.body = "second";
+  cross.params = along({Z, Y});
+  spec.loops = {cross};
+  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+    spec.loop_form = form;
+    const std::string by = form == LoopForm::embedding ? "embedded: " : "multipliers: ";
+    const auto sim = run_of(spec, "dop853");
+    double rate_off = 0.0, torque_off = 0.0, most = 0.0, least = HUGE_VAL;
+    sim->every({1, 100}, [&] {
+      const double angle = W * sim->time(), c = std::sin(angle), s = std::sin(b), D = 1.0 - s * s * c * c, rate = W * std::cos(b) / D,
+                   accel = rate / D * 2.0 * s * s * c * std::cos(angle) * W;
+      rate_off = worse(rate_off, std::abs(sim->state().v[1] - rate));
+      std::vector<double> drive(2);
+      sim->drive_forces(drive.data());
+      torque_off = worse(torque_off, std::abs(drive[0] - J * rate * accel / W));
+    });
+    for (const int turns : {1, 2, 3, 4}) {
+      sim->run(0.5 * std::numbers::pi / W * turns);
+      most = std::max(most, sim->state().v[1]), least = std::min(least, sim->state().v[1]);
+    }
+    expect_within(by + "rate along the way", rate_off, ref.tolerance("rate_abs"));
+    expect_within(by + "torque along the way", torque_off, ref.tolerance("torque_abs"));
+    expect_vector(by + "largest and least rate", Eigen::Vector2d(most, least), ref.vector("largest and least rate"),
+                  ref.tolerance("rate_abs"));
+  }
+}
+
+TEST(PanelsOnCables, UnfoldInStepAndLock) {
+  const Published ref("loop-panels-on-cables");
+  const double l = ref.model()["panel_length_m"].as<double>(), m = ref.model()["panel_mass_kg"].as<double>(), I = m * l * l / 12.0,
+               start = ref.initial()["q_rad"].as<double>();
+  SystemSpec spec;
+  for (int i = 0; i < 3; ++i) {
+    BodySpec panel =
+        on(rigid(fmt::format("panel_{}", i), m, 0.5 * l * X, diagonal({0.2 * I, I, I})), i == 0 ? "" : fmt::format("panel_{}", i - 1),
+           "revolute", {Z}, i == 0 ? Vector3d(Vector3d::Zero()) : Vector3d(l * X));
+    panel.hinge.springs = {{0, 5.0, 0.0, 0.0, {}}};
+    panel.hinge.q = {i == 0 ? start : (i == 1 ? -2.0 : 2.0) * start};
+    spec.bodies.push_back(panel);
+  }
+  spec.loops = {coupling("inner", {{"panel_1", 1.0, {}}, {"panel_0", 2.0, {}}}),
+                coupling("outer", {{"panel_2", 1.0, {}}, {"panel_1", 1.0, {}}})};
+  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+    spec.loop_form = form;
+    const std::string by = form == LoopForm::embedding ? "embedded: " : "multipliers: ";
+    SystemSpec latched = spec;
+    for (BodySpec& panel : latched.bodies) panel.hinge.locked = true;
+    for (LoopSpec& cable : latched.loops) cable.open = true;
+    const auto sim = run_of(spec, "dop853");
+    double flat = 0.0, rate = 0.0;
+    crossings(
+        *sim, -1, [](const double* q, const double*) { return q[0]; },
+        [&] {
+          if (flat == 0.0) flat = sim->time(), rate = sim->state().v[0];
+          sim->adopt([&] { return rejoin(*sim, latched, registry(), {}); }, "latched");
+        });
+    sim->run(1.01 * ref.number("time to flat"));
+    expect_absolute(by + "time to flat", flat, ref.number("time to flat"), ref.tolerance("time_abs"));
+    expect_relative(by + "rate when flat", rate, ref.number("rate of the first panel"), ref.tolerance("rate_rel"));
+    EXPECT_EQ(sim->model().nv, 0);
   }
 }
 

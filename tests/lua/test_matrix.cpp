@@ -143,7 +143,9 @@ TEST(LuaMatrix, LabelsFollowTheAlgebra) {
       << "labels that differ say nothing of the sum";
   EXPECT_EQ(
       b.fault("return v['z']"),
-      "vector of 2 | a name of its labels, or a method: cols, csv, dot, hdf5, labels, max_abs, norm, rows, t, table | \"z\" (string)");
+      "vector of 2 | one of its names: x, y, or a method: cols, csv, dot, hdf5, labels, max_abs, norm, rows, t, table | \"z\" (string)");
+  EXPECT_EQ(b.fault("return vector({1, 2}).z"),
+            "vector of 2 | 1 to 2, or a method: cols, csv, dot, hdf5, labels, max_abs, norm, rows, t, table | \"z\" (string)");
   EXPECT_EQ(b.fault("return A('a', 'xx')"), "column of matrix 2x2 | 1 to 2, or one of its names | \"xx\" (string)");
   EXPECT_EQ(b.fault("return vector({1, 2}, {names = {'a'}})"),
             "labels of the vector.names | {names = {...}, units = {...}} with 2 texts each | 1 of them");

@@ -345,6 +345,21 @@ event { name = 'looks', when = function(t) if t == 0 then print 'trial' end retu
 figure { name = 'f', value = function() print 'at the end' return 1 end }
 )";
 
+// An event without an action is there to be located. It is looked at in the midst of nothing: t = 0.55 is no row and no tick.
+TEST(Results, HoldTheTimesOfEventsWithoutAnAction) {
+  const TemporaryFolder dir;
+  make_scenario(dir,
+                "vehicle 'vehicle.yaml'\nmission { duration = 1, output = { rate = '2 Hz' } }\n"
+                "event { name = 'there', direction = 'rising', once = true, when = function(t) return t - 0.55 end }\n");
+  ASSERT_EQ(run_program({"run", ".", "--out", "out", "--quiet"}, dir.path()).exit_code, 0);
+  const Hdf5File file = Hdf5File::open(dir / "out/run.h5");
+  EXPECT_EQ(noted(file, "events", 0), (std::vector<std::string>{"there"}));
+  EXPECT_EQ(noted(file, "events", 1), (std::vector<std::string>{"rising"}));
+  const auto t = file.read_doubles("/run/events/t").values;
+  ASSERT_EQ(t.size(), 1u);
+  EXPECT_NEAR(t[0], 0.55, 1e-12);
+}
+
 TEST(Results, HoldPrintedLinesAndWarningsWithTheirTimes) {
   const TemporaryFolder dir;
   make_scenario(dir, kTalks);

@@ -149,7 +149,7 @@ function phase(options) end
 ---@field when fun(t: number): number zero at the event; reads t, coordinates of hinges and modes, nothing else
 ---@field direction? "rising"|"falling"|"both" default both
 ---@field once? boolean not looked at after it has happened; beside direction
----@field action fun(t: number) called at the crossing; may set commands
+---@field action? fun(t: number) called at the crossing; may set commands
 
 --- Something that is located by root finding to the integrator's accuracy.
 ---@param options EventOptions
