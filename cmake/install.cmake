@@ -3,7 +3,7 @@
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 set(CMAKE_SKIP_INSTALL_RPATH ON)
-set(made ${CMAKE_BINARY_DIR}/install)
+set(made ${PROJECT_BINARY_DIR}/install)
 set(package ${CMAKE_INSTALL_DATADIR}/cmake/cardan)
 set(include_folder ${CMAKE_INSTALL_INCLUDEDIR}/cardan)
 
@@ -45,7 +45,7 @@ endforeach()
 # cpack -G DEB, or ./dev package: the same as a Debian package, which depends on the libraries that the program is linked to.
 set(CPACK_PACKAGE_CONTACT "the authors of Cardan")
 set(CPACK_PACKAGE_DESCRIPTION_SUMMARY "simulator of spacecraft made of rigid and flexible bodies")
-set(CPACK_RESOURCE_FILE_LICENSE ${CMAKE_SOURCE_DIR}/LICENSE)
+set(CPACK_RESOURCE_FILE_LICENSE ${PROJECT_SOURCE_DIR}/LICENSE)
 set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
 set(CPACK_STRIP_FILES ON)
 set(CPACK_GENERATOR DEB)

@@ -7,13 +7,13 @@ endif()
 set(CARDAN_HEADERS <algorithm> <array> <cmath> <cstdint> <filesystem> <functional> <limits> <map> <memory> <mutex> <numbers> <numeric>
     <optional> <random> <ranges> <set> <span> <sstream> <string> <string_view> <utility> <variant> <vector>
     <fmt/format.h> <Eigen/Dense> <Eigen/SparseCore>
-    ${CMAKE_SOURCE_DIR}/core/linalg/eigen_kernels.hpp)
+    ${PROJECT_SOURCE_DIR}/core/linalg/eigen_kernels.hpp)
 
 # Owners of the compiled headers. A target that uses them must have their flags and definitions, else GCC says so, but for -O: there it
 # silently takes that of the headers. So there are two sets.
-file(CONFIGURE OUTPUT ${CMAKE_BINARY_DIR}/generated/headers.cpp CONTENT "")
+file(CONFIGURE OUTPUT ${PROJECT_BINARY_DIR}/generated/headers.cpp CONTENT "")
 foreach(owner cardan_headers cardan_headers_cold)
-  add_library(${owner} STATIC ${CMAKE_BINARY_DIR}/generated/headers.cpp)
+  add_library(${owner} STATIC ${PROJECT_BINARY_DIR}/generated/headers.cpp)
   target_link_libraries(${owner} PRIVATE cardan_flags fmt::fmt Eigen3::Eigen)
   target_precompile_headers(${owner} PRIVATE ${CARDAN_HEADERS})
 endforeach()

@@ -18,6 +18,7 @@ bool TextLines::next() {
   ++number_;
   if (in_.fail()) refuse(Code::bad_modal_data, here(), "a line of less than 1000 bytes", "a longer one");
   line_ = line.data();
+  if (number_ == 1 && line_.starts_with("\xEF\xBB\xBF")) line_.erase(0, 3);  // the byte-order mark of some editors
   if (!line_.empty() && line_.back() == '\r') line_.pop_back();
   return true;
 }

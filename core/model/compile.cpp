@@ -12,6 +12,7 @@
 #include "core/model/devices.hpp"
 #include "core/model/fields.hpp"
 #include "core/model/flexible_constants.hpp"
+#include "core/model/initial.hpp"
 #include "core/model/loops.hpp"
 #include "core/model/validate.hpp"
 
@@ -336,9 +337,7 @@ class Compiler {
 
   static Pose<double> fixed_transform(const HingeSpec& hinge, const UserBody& u) {
     if (u.hinge->nq == 0) return {};
-    std::vector<double> q(u.hinge->nq, 0.0), v(u.hinge->nv, 0.0);
-    if (u.hinge->zero) u.hinge->zero(u.hinge_packed.data(), q.data());
-    if (hinge.q.size() == q.size()) q = hinge.q;
+    const std::vector<double> q = initial_coordinates(*u.hinge, u.hinge_packed.data(), hinge.q), v(u.hinge->nv, 0.0);
     cardan_hinge_out out{};
     const std::uint32_t zero = 0;
     u.hinge->kinematics(u.hinge_packed.data(), 1, &zero, &zero, q.data(), v.data(), &out);

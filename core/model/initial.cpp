@@ -99,4 +99,26 @@ InitialGiven read_initial(MapReader& map, const cardan_hinge_family& family, dou
   return {coordinates, read_components(map, {family.v_names, family.nv}, {family.v_units, family.nv}, velocity_groups(family), false, v)};
 }
 
+void settle_coordinates(const cardan_hinge_family& family, const double* packed, double* q, const Located& at, DiagnosticSink& sink) {
+  if (!family.normalise || has_quaternion(family)) return;
+  const Eigen::VectorXd given = Eigen::VectorXd::Map(q, family.nq);
+  family.normalise(packed, q);
+  const Eigen::VectorXd settled = Eigen::VectorXd::Map(q, family.nq);
+  if ((settled - given).cwiseAbs().maxCoeff() <= 1e-6 * std::max(1.0, settled.cwiseAbs().maxCoeff())) return;  // this way round NaN is told
+  const Names names(family.q_names, family.nq);
+  sink.report(Code::bad_initial_state, at,
+              fmt::format("coordinates {} of hinge type {} that belong to a place, within 1e-6", fmt::join(names, ", "), family.type),
+              fmt::format("{:.9g}", fmt::join(given, ", ")),
+              settled.allFinite() ? fmt::format("normalised they are {:.9g}", fmt::join(settled, ", ")) : "");
+}
+
+std::vector<double> initial_coordinates(const cardan_hinge_family& family, const double* packed, const std::vector<double>& given) {
+  std::vector<double> q(family.nq, 0.0);
+  if (family.zero) family.zero(packed, q.data());
+  if (given.size() == q.size()) q = given;
+  DiagnosticSink told;  // by validate()
+  settle_coordinates(family, packed, q.data(), {}, told);
+  return q;
+}
+
 }  // namespace cardan

@@ -28,4 +28,11 @@ struct InitialGiven {
 /// values of q (nq) and v (nv) stay. Faults: C0106 where a value is given twice, C0304 for a quaternion that is not of unit length.
 InitialGiven read_initial(MapReader& map, const cardan_hinge_family& family, double* q, double* v);
 
+/// q (nq) made what `normalise` of the family leaves as it is. C0402 where that is another place: further than 1e-6 of the largest
+/// coordinate, or nowhere. Quaternions stay: their length is looked at where they are read.
+void settle_coordinates(const cardan_hinge_family& family, const double* packed, double* q, const Located& at, DiagnosticSink& sink);
+
+/// Where a hinge begins: at `zero` of its family, or at the coordinates that are given; settled.
+std::vector<double> initial_coordinates(const cardan_hinge_family& family, const double* packed, const std::vector<double>& given);
+
 }  // namespace cardan

@@ -2,6 +2,8 @@
 
 #include <algorithm>
 
+#include "core/model/initial.hpp"
+
 namespace cardan {
 
 Model::Model() = default;
@@ -49,9 +51,7 @@ State Model::initial_state() const {
     const UserBody& u = user[i];
     const BodySpec& b = spec->bodies[i];
     if (u.nq > 0) {
-      if (u.hinge->zero) u.hinge->zero(u.hinge_packed.data(), s.q.data() + u.q);
-      for (std::size_t j = 0; j < b.hinge.q.size() && j < static_cast<std::size_t>(u.nq); ++j)
-        s.q[u.q + static_cast<int>(j)] = b.hinge.q[j];
+      std::ranges::copy(initial_coordinates(*u.hinge, u.hinge_packed.data(), b.hinge.q), s.q.begin() + u.q);
       for (std::size_t j = 0; j < b.hinge.v.size() && j < static_cast<std::size_t>(u.nv); ++j)
         s.v[u.v + static_cast<int>(j)] = b.hinge.v[j];
     }

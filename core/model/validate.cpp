@@ -11,6 +11,7 @@
 
 #include "core/base/units.hpp"
 #include "core/linalg/dense.hpp"
+#include "core/model/initial.hpp"
 #include "core/model/params.hpp"
 #include "core/model/schema.hpp"
 
@@ -207,7 +208,9 @@ class Structure {
   std::vector<int> inboard_;
 };
 
-void check_initial_values(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
+/// `packed`: empty after a fault of the parameters.
+void check_initial_values(const SystemSpec& spec, const BodySpec& body, const cardan_hinge_family& family,
+                          const std::vector<double>& packed, DiagnosticSink& sink) {
   const HingeSpec& hinge = body.hinge;
   const auto at = [&] { return spec.locate(body_path(body) + ".hinge.initial"); };
   const auto fits = [&](const std::vector<double>& values, uint32_t n, const char* what) {
@@ -223,6 +226,8 @@ void check_initial_values(const SystemSpec& spec, const BodySpec& body, const ca
     const double norm = Eigen::Map<const Eigen::Vector4d>(hinge.q.data()).norm();
     if (!(std::abs(norm - 1.0) < 1e-6))
       sink.report(Code::non_unit_quaternion, at(), "w^2 + x^2 + y^2 + z^2 = 1 (within 1e-06)", fmt::format("length {:.9g}", norm));
+  } else if (std::vector<double> q = hinge.q; q.size() == family.nq && !packed.empty()) {
+    settle_coordinates(family, packed.data(), q.data(), at(), sink);
   }
 }
 
@@ -260,7 +265,8 @@ void check_loads(const SystemSpec& spec, const BodySpec& body, const cardan_hing
     }
     if (family.nq != family.nv)
       sink.report(Code::unsupported, spec.locate(at), fmt::format("friction alone on a hinge of type {}", family.type), "a stop",
-                  "its attitude is a quaternion, which has no single coordinate to stop; a gimbal hinge has");
+                  has_quaternion(family) ? "its attitude is a quaternion, which has no single coordinate to stop; a gimbal hinge has"
+                                         : "its rates are no rates of its coordinates");
     demand(p[0] < p[1], "lower", "less than `upper`", p[0]);
     if (std::isinf(p[0]) && std::isinf(p[1]))
       sink.report(Code::missing_key, spec.locate(at), "lower, upper or both", "neither",
@@ -309,7 +315,9 @@ void check_components(const SystemSpec& spec, const BodySpec& body, const cardan
     if (spring.stiffness != 0.0 && family.nq != family.nv)
       sink.report(Code::unsupported, spec.locate(at), fmt::format("damping alone on a hinge of type {}", family.type),
                   fmt::format("stiffness {:g}", spring.stiffness),
-                  "its attitude is a quaternion, which has no single coordinate to hold at rest; a gimbal hinge has");
+                  has_quaternion(family)
+                      ? "its attitude is a quaternion, which has no single coordinate to hold at rest; a gimbal hinge has"
+                      : "its rates are no rates of its coordinates");
   }
 }
 
@@ -388,7 +396,7 @@ std::vector<CheckedHinge> validate(const SystemSpec& spec, const Registry& regis
       continue;
     }
     hinges[i] = {structure.inboard()[i], family, pack_hinge(spec, body, *family, sink)};
-    check_initial_values(spec, body, *family, sink);
+    check_initial_values(spec, body, *family, hinges[i].packed, sink);
     check_components(spec, body, *family, sink);
     check_attachment(spec, body, structure.inboard()[i], *family, sink);
   }

@@ -467,7 +467,7 @@ class VehicleReader {
     const cardan_hinge_family* family = registry_.hinge(hinge.type);
     if (!family) return;  // reported by validate(); the other keys depend on the type
     read_params(map, {family->params, family->n_params}, hinge.params);
-    if (const auto initial = map.find("initial")) read_initial_values(*initial, *family, hinge);
+    if (const auto initial = map.find("initial")) read_initial_values(*initial, *family, body);
     if (family->nv > 0) {
       if (const auto prescribed = map.find("prescribed")) read_prescribed(*prescribed, *family, hinge);
       if (const auto spring = map.find("spring")) read_spring(*spring, *family, hinge);
@@ -515,9 +515,13 @@ class VehicleReader {
     if (const auto orientation = map.find("orientation")) R = read_orientation(*orientation, context_);
   }
 
-  void read_initial_values(const DocRef& value, const cardan_hinge_family& family, HingeSpec& hinge) {
+  /// What is not given is as `zero` of the family has it, which may follow from its parameters: their faults are told by validate().
+  void read_initial_values(const DocRef& value, const cardan_hinge_family& family, BodySpec& body) {
+    HingeSpec& hinge = body.hinge;
     hinge.q.assign(family.nq, 0.0), hinge.v.assign(family.nv, 0.0);
-    if (has_quaternion(family)) hinge.q[0] = 1.0;  // no rotation
+    if (DiagnosticSink told; family.zero)
+      if (const std::vector<double> packed = pack_hinge(spec_, body, family, told); told.empty())
+        family.zero(packed.data(), hinge.q.data());
     MapReader map(value, context_);
     const InitialGiven given = read_initial(map, family, hinge.q.data(), hinge.v.data());
     if (!given.coordinates) hinge.q.clear();

@@ -234,7 +234,7 @@ void Simulation::say_held_fields() {
 }
 
 /// Called where an exception is caught: of a fault of ours it goes on.
-void Simulation::keep_thrown(const std::string& what) {
+void Simulation::keep_thrown(const std::string& what, const double* x) {
   if (!plugins_) throw;
   if (!thrown_.empty()) return;
   for (const DeviceForces* d : {devices_.get(), on_trial_.get()}) {
@@ -246,7 +246,7 @@ void Simulation::keep_thrown(const std::string& what) {
       thrown_ = fmt::format("field {}: evaluate throws: {}", told_name(model_->fields[static_cast<std::size_t>(d->field_asked())]), what);
     if (!thrown_.empty()) return;
   }
-  thrown_ = plugin_at_fault(*model_, state_.q.data(), state_.v.data());
+  thrown_ = plugin_at_fault(*model_, x ? x : state_.q.data(), x ? x + model_->nq : state_.v.data());
   if (thrown_.empty() && gravity_field_ >= 0 && is_of_plugin(model_->fields[static_cast<std::size_t>(gravity_field_)].origin))
     thrown_ = fmt::format("field {}: evaluate throws: {}", told_name(model_->fields[static_cast<std::size_t>(gravity_field_)]), what);
   if (thrown_.empty()) thrown_ = fmt::format("a function of a plugin throws, and not when it is asked again: {}", what);

@@ -369,7 +369,7 @@ OdeProblem Simulation::ode() {
       m.devices.rough || std::ranges::any_of(m.loads, [](const HingeLoad& load) { return load.law != HingeLaw::spring; });
   ode.rhs = [this](double t, const double* x, double* xdot) { return rhs(t, x, xdot); };
   ode.integrands = [this](double t, const double* x, double* ydot) {
-    if (!unless_thrown([&] { integrands(t, x, ydot); })) std::fill_n(ydot, Balances::kIntegrals, 0.0);
+    if (!unless_thrown([&] { integrands(t, x, ydot); }, x)) std::fill_n(ydot, Balances::kIntegrals, 0.0);
   };
   if (normalised_ || !prescribed_.empty() || loops_) ode.project = [this](double t, double* x) { project(t, x); };
   ode.absolute_tolerance = absolute_tolerances();
@@ -397,7 +397,7 @@ OdeProblem Simulation::ode() {
         },
         ExtendedIntegrands{ode.n_quadrature, [this, xdot = std::vector<double>(static_cast<std::size_t>(ode.n))](double t, const double* x,
                                                                                                                  double* y) mutable {
-                             return rhs(t, x, xdot.data()) && unless_thrown([&] { integrands(t, x, y); });
+                             return rhs(t, x, xdot.data()) && unless_thrown([&] { integrands(t, x, y); }, x);
                            }});
   momentum_.reset();
   if (advances_linear_part(options_.integrator.method)) {
@@ -436,7 +436,7 @@ OdeProblem Simulation::ode() {
   };
   ode.jacobian_times = [this, jacobian_times](double t, const double* x, const double* dx, double* J_dx) {
     bool good = false;
-    return unless_thrown([&] { good = jacobian_times(t, x, dx, J_dx); }) && good;
+    return unless_thrown([&] { good = jacobian_times(t, x, dx, J_dx); }, x) && good;
   };
   ode.prepare = [this](double, const double* x, double gamma, bool moved) { return newton_->prepare(x, gamma, moved); };
   ode.precondition = [this](const double* r, double* z) {

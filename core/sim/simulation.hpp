@@ -351,9 +351,10 @@ class Simulation {
   RunFailure not_finite(int state, double value) const;
   RunFailure explain(const RunFailure&) const;
   [[noreturn]] void fail(RunFailure failure);
-  /// Does it; false where a function of a plugin throws, which explain() tells then. Nothing of that goes through the integrators.
+  /// Does it; false where a function of a plugin throws, which explain() tells then: asked again at x, the state that is tried, else at
+  /// that of the run. Nothing of that goes through the integrators.
   template <class Work>
-  bool unless_thrown(const Work& work) {
+  bool unless_thrown(const Work& work, const double* x = nullptr) {
     try {
       work();
       return true;
@@ -362,13 +363,13 @@ class Simulation {
     } catch (const NumericsError&) {
       throw;
     } catch (const std::exception& e) {
-      keep_thrown(e.what());
+      keep_thrown(e.what(), x);
     } catch (...) {
-      keep_thrown("an exception that is no std::exception");
+      keep_thrown("an exception that is no std::exception", x);
     }
     return false;
   }
-  void keep_thrown(const std::string& what);
+  void keep_thrown(const std::string& what, const double* x);
   void device_event(int device, std::uint32_t root, int direction);
   /// What a device pushes with all at once at an accepted instant, as its loads are before it takes note; strike() then does it.
   void ask_for_impulse(int device, std::uint32_t cause, int direction);

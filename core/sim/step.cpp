@@ -127,7 +127,7 @@ void Simulation::step(double t_stop) {
 bool Simulation::rhs(double t, const double* x, double* xdot) {
   if (!plugins_) return rates(t, x, xdot);
   bool good = false;
-  return unless_thrown([&] { good = rates(t, x, xdot); }) && good;
+  return unless_thrown([&] { good = rates(t, x, xdot); }, x) && good;
 }
 
 bool Simulation::rates(double t, const double* x, double* xdot) {

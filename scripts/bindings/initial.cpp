@@ -101,9 +101,12 @@ int initial(lua_State* L, Scenario& s) {
     const auto value = bodies.find(u.name);
     if (!value) continue;
     MapReader map(*value, context);
-    if (u.nq > 0)
-      by_mission[static_cast<std::size_t>(&u - s.model->user.data())] =
-          read_initial(map, *u.hinge, state.q.data() + u.q, state.v.data() + u.v);
+    if (u.nq > 0) {
+      double* q = state.q.data() + u.q;
+      InitialGiven& of_hinge = by_mission[static_cast<std::size_t>(&u - s.model->user.data())];
+      of_hinge = read_initial(map, *u.hinge, q, state.v.data() + u.v);
+      if (of_hinge.coordinates) settle_coordinates(*u.hinge, u.hinge_packed.data(), q, map.ref().at(), sink);
+    }
     read_modes(map, "eta", "1", u.n_modes, state.q.data() + u.eta);
     read_modes(map, "etadot", "1/s", u.n_modes, state.v.data() + u.etadot);
     map.finish();

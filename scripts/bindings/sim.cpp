@@ -147,6 +147,7 @@ int state(lua_State* L) {
   sink.throw_if_any();
   expect_quaternions(L, *s.model, state.q);
   s.model->normalise(state.q.data());
+  if (!state.q.allFinite()) refuse(L, Code::bad_initial_state, "sim:state.q", "coordinates that can be normalised", "some that cannot");
   if (table.has("q") || table.has("v")) keep_loops(L, *s.model, state, table.has("v"));
   bench.set_state(std::move(state));
   return 0;

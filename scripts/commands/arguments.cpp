@@ -43,7 +43,7 @@ ScenarioOptions ScenarioArguments::options() const {
     std::istringstream lines(read_text_file(from));
     int number = 0;
     for (std::string text; std::getline(lines, text);) {
-      ++number;
+      if (++number == 1 && text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // the byte-order mark of some editors
       while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back())) != 0) text.pop_back();
       text.erase(0, text.find_first_not_of(" \t"));
       if (text.empty() || text[0] == '#') continue;

@@ -58,7 +58,7 @@ int new_project(const std::string& kind, const std::string& type, std::string fo
       refuse(Code::cannot_write, {{}, {file.string()}}, "a file that can be written", std::strerror(errno));
   }
   fmt::print("{}: a plugin with the {} {}. Next:\n\n  cd {}\n  cmake -B build && cmake --build build && ctest --test-dir build\n", folder,
-             kind, values.at("@TYPE@"), folder);
+             kind, values.at("@TYPE@"), folder.find(' ') == std::string::npos ? folder : '"' + folder + '"');
   return 0;
 }
 

@@ -44,8 +44,9 @@ std::string progress_text(double t, double t_end, double wall, double step) {
   const int decimals = std::clamp(4 - static_cast<int>(std::ceil(std::log10(t_end))), 0, 15);
   const bool hidden = t > 0.0 && t < t_end * 1e-4;
   const double rate = wall > 0 ? t / wall : 0.0, left = rate > 0 ? (t_end - t) / rate : HUGE_VAL;
-  std::string text = fmt::format("t = {} of {:.{}f} s   {:.3g} times real time   ",
-                                 hidden ? fmt::format("{:.3e}", t) : fmt::format("{:.{}f}", t, decimals), t_end, decimals, rate);
+  std::string text =
+      fmt::format("t = {} of {} s   {:.3g} times real time   ", hidden ? fmt::format("{:.3e}", t) : fmt::format("{:.{}f}", t, decimals),
+                  t_end < 1e15 ? fmt::format("{:.{}f}", t_end, decimals) : fmt::format("{:g}", t_end), rate);
   text += rate > 0 ? wait_text(left) + " left" : "? left";
   if (left > kLongWait && step > 0) text += fmt::format(", steps of {:.1e} s", step);
   return text;

@@ -7,7 +7,6 @@
 #include <atomic>
 #include <csignal>
 #include <filesystem>
-#include <fstream>
 #include <iostream>
 #include <iterator>
 #include <limits>
@@ -59,9 +58,6 @@ class WorkbenchCommand {
   }
 
   int run_script(const std::string& path) {
-    std::ifstream in(path, std::ios::binary);
-    std::error_code ignored;
-    if (!in || fs::is_directory(path, ignored)) refuse(Code::file_not_found, {"--script", {path}}, "a Lua file");
     const std::string text = read_text_file(path);
     return guarded([&] { scenario_->lua.run_text(path, text, kPatience); });
   }

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <charconv>
 #include <cstdlib>
 #include <cstring>
@@ -491,9 +492,18 @@ std::string LuaHost::read(const std::string& name, const Diagnostic& if_absent) 
   const fs::path root = fs::weakly_canonical(options_.folder.empty() ? fs::path(".") : options_.folder, ignored);
   const fs::path file = fs::weakly_canonical(root / name, ignored);
   const bool is_inside = std::mismatch(root.begin(), root.end(), file.begin(), file.end()).first == root.end();
-  if (!is_inside || !fs::is_regular_file(file, ignored)) throw InputError(if_absent);  // opening a FIFO would wait
+  const auto refuse = [&](const std::string& got) {
+    Diagnostic told = if_absent;
+    if (told.got.empty()) told.got = got;
+    throw InputError(std::move(told));
+  };
+  if (!is_inside) refuse("a file outside of the folder of the scenario");
+  std::error_code why;
+  const fs::file_status status = fs::status(file, why);
+  if (why || !fs::exists(status)) refuse(why ? why.message() : "no such file");
+  if (!fs::is_regular_file(status)) refuse(fs::is_directory(status) ? "a folder" : "a pipe or a device");  // opening a FIFO would wait
   std::ifstream in(file, std::ios::binary);
-  if (!in) throw InputError(if_absent);
+  if (!in) refuse(std::error_code(errno, std::generic_category()).message());
   std::string text{std::istreambuf_iterator<char>(in), {}};
   options_.loaded(name, text);
   return text;

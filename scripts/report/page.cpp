@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "core/base/embed.hpp"
+#include "core/base/utf8.hpp"
 
 CARDAN_EMBED(cardan::page, html, CARDAN_TEMPLATE)
 CARDAN_EMBED(cardan::page, style, CARDAN_BUNDLE ".css")
@@ -40,7 +41,7 @@ std::string with_parts(std::string_view html, const std::vector<std::pair<std::s
 }  // namespace
 
 std::string filled(const std::string& title, const Json& data, std::string_view script) {
-  return with_parts(html(), {{"@title@", replaced(replaced(title, "&", "&amp;"), "<", "&lt;")},
+  return with_parts(html(), {{"@title@", xml_text(title)},
                              {"@style@", std::string(style())},
                              {"@data@", replaced(json_line(data), "<", "\\u003c")},
                              {"@notice@", std::string(notice())},

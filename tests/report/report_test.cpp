@@ -649,6 +649,17 @@ TEST_F(ReportInBrowser, DrawsEverySeriesOfEveryPlot) {
   EXPECT_LT(place("control"), place("other"));
 }
 
+TEST(Report, IsTextWhateverTheTitleIs) {
+  const std::string h5 = scratch("odd.h5"), html = scratch("odd.html");
+  RunHeader header;
+  header.title = "a\xff & <b>";
+  const auto recorder = make_hdf5_recorder(h5);
+  recorder->begin(header, {{"x", {"value"}, "W", "", "x"}});
+  recorder->close();
+  write_report(h5, html);
+  EXPECT_NE(content(html).find("<title>a? &amp; &lt;b&gt;</title>"), std::string::npos);
+}
+
 // Rounding errors, a force that vanishes, and the least and largest numbers have axes that can be read; a long name stays on the page.
 TEST_F(ReportInBrowser, TellsTheValuesAlongEveryAxis) {
   const std::string h5 = scratch("axes.h5"), html = scratch("axes.html");

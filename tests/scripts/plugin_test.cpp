@@ -495,6 +495,59 @@ TEST(Plugins, ThatGiveNoNumberInARunAreNamed) {
   EXPECT_TRUE(fs::exists(dir / "out/run.h5")) << "what was recorded is kept";
 }
 
+// Where it throws is a state that is tried, 0.75 m; the last accepted one is 0.5 m, where it does not.
+TEST(Plugins, ThatThrowAtATrialStateAreNamed) {
+  const PluginFolder dir;
+  const Finished run = with_fault("error_late", {"run", ".", "--quiet", "--out", "out"}, dir.path());
+  EXPECT_EQ(run.exit_code, 3) << run.out << run.err;
+  EXPECT_TRUE(has(run.err, "failure[N0503]")) << run.err;
+  EXPECT_TRUE(has(run.err, "kinematics of hinge \"faulty/slide\" (./p.so) of bodies.a throws: no luck today")) << run.err;
+}
+
+// ---- coordinates that are none of the velocities ----
+
+/// A wheel of 1 kg m^2 that turns about z by the cosine and sine of its angle; `initial` of its hinge.
+struct TurnFolder : TemporaryFolder {
+  explicit TurnFolder(const std::string& hinge, const std::string& script = "") {
+    fs::copy(kPlugins + "turn.so", *this / "p.so");
+    write(*this / "vehicle.yaml",
+          "cardan: 1\nbodies:\n  a: {mass: 1, inertia: [1, 1, 1], hinge: {type: told/turn, to: world, " + hinge + "}}\n");
+    write(*this / "scenario.lua", "plugin 'p.so'\nlocal sat = vehicle 'vehicle.yaml'\nmission { duration = 1 }\n" + script);
+  }
+  /// The coordinates at the start, or what was answered.
+  std::string start() const {
+    write(*this / "look.lua", "print(string.format('%.15g %.15g', sim:q()[1], sim:q()[2]))\n");
+    const Finished told = run_program({"workbench", ".", "--script", "look.lua"}, path());
+    return told.exit_code == 0 ? told.out : told.err;
+  }
+};
+
+TEST(CoordinatesOfPlugins, BeginWhereTheFamilySaysOrAsGiven) {
+  EXPECT_EQ(TurnFolder("start: 90 deg, initial: {rate: 1}").start(), "6.12323399573677e-17 1\n");
+  EXPECT_EQ(TurnFolder("start: 1, initial: {cos: 0.540302305868140}").start(), "0.54030230586814 0.841470984807897\n")
+      << "what is not given is as the family has it";
+  EXPECT_EQ(TurnFolder("initial: {cos: 0.6, sin: 0.8000004}").start(), "0.599999808000044 0.800000143999931\n") << "normalised";
+  EXPECT_EQ(TurnFolder("initial: {cos: 0.6, sin: 0.8}", "initial { a = { cos = 0, sin = -1.0000004 } }").start(), "0 -1\n");
+}
+
+// They would be computed with as they are, a rotation that is none.
+TEST(CoordinatesOfPlugins, ThatBelongToNoPlaceAreRefused) {
+  const std::string file = TurnFolder("initial: {cos: 2}").start();
+  EXPECT_TRUE(has(file, "error[C0402]: initial state does not fit\n  --> ./vehicle.yaml:3:")) << file;
+  EXPECT_TRUE(has(file,
+                  "  expected: coordinates cos, sin of hinge type told/turn that belong to a place, within 1e-6\n"
+                  "  got:      2, 0\n  hint:     normalised they are 1, 0\n"))
+      << file;
+  EXPECT_TRUE(has(TurnFolder("locked: true, initial: {cos: 2}").start(), "error[C0402]"));
+  EXPECT_TRUE(has(TurnFolder("spring: {stiffness: 5}").start(), "  hint:     its rates are no rates of its coordinates\n"));
+  const std::string script = TurnFolder("", "initial { a = { cos = 0, sin = 0 } }").start();
+  EXPECT_TRUE(has(script, "error[C0402]: initial state does not fit\n  --> ./scenario.lua:4")) << script;
+  const TurnFolder dir("");
+  write(dir / "look.lua", "sim:state { q = { 0, 0 } }\n");
+  const Finished bench = run_program({"workbench", ".", "--script", "look.lua"}, dir.path());
+  EXPECT_TRUE(has(bench.err, "error[C0402]: initial state does not fit\n  --> ./look.lua:1")) << bench.err;
+}
+
 // ---- what obeys the laws and goes wrong in the run ----
 
 struct LateFault {

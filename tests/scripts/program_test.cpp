@@ -78,6 +78,32 @@ TEST(Program, TellsAVehicleFromAScenario) {
   }
 }
 
+// "file not found" alone leaves open what is wrong with a file that is there.
+TEST(Program, TellsWhyAScriptCannotBeRead) {
+  const TemporaryFolder dir;
+  fs::create_directories(dir / "empty");
+  fs::create_directories(dir / "odd/scenario.lua");
+  const auto got = [&](const std::string& of) {
+    const Finished told = run_program({"check", of}, dir.path());
+    EXPECT_EQ(told.exit_code, 2) << of;
+    return told.err;
+  };
+  EXPECT_EQ(got("empty"),
+            "error[C0102]: file not found\n  --> empty/scenario.lua\n  expected: a Lua file\n  got:      No such file or directory\n\n"
+            "1 error. Nothing was run.\n");
+  EXPECT_TRUE(has(got("odd"), "  got:      a folder\n"));
+  EXPECT_TRUE(has(got("/dev/null"), "  got:      a pipe or a device\n"));
+}
+
+TEST(Program, ReadsSettingsBehindAByteOrderMark) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", "cardan: 1\nbodies: {a: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}}\n");
+  write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 1 }\n");
+  write(dir / "settings.txt", "\xEF\xBB\xBFmission.duration=2 s\r\n");
+  const Finished told = run_program({"check", ".", "--settings", "settings.txt"}, dir.path());
+  EXPECT_TRUE(has(told.out, ", 2 s\n")) << told.out << told.err;
+}
+
 TEST(Program, AFailedCheckIsExitCodeOneWithATable) {
   const TemporaryFolder dir;
   write(dir / "scenario.lua",

@@ -9,6 +9,8 @@ TEST(Progress, ShowsBothTimesWithTheSameDecimals) {
   EXPECT_EQ(progress_text(12.345678, 400.0, 1.0, 0.1), "t = 12.3 of 400.0 s   12.3 times real time   0:31 left");
   EXPECT_EQ(progress_text(328044.2, 1.1354e8, 100.0, 0.1),
             "t = 328044 of 113540000 s   3.28e+03 times real time   9:35:11 left, steps of 1.0e-01 s");
+  EXPECT_EQ(progress_text(14300.0, 1e300, 1.0, 0.1),
+            "t = 1.430e+04 of 1e+300 s   1.43e+04 times real time   more than 1000 years left, steps of 1.0e-01 s");
   EXPECT_EQ(progress_text(0.25, 0.5, 1.0, 0.1), "t = 0.2500 of 0.5000 s   0.25 times real time   0:01 left");
 }
 

@@ -279,6 +279,18 @@ TEST(Matrices, ThatCannotBeReadAreRefusedWithTheLine) {
   expect_part(with_nodes("# none\n"), "got:      no node");
 }
 
+// The first node, which is the root, has the mark in front of its name; the line that was shown as wrong looked as it should.
+TEST(Matrices, AreReadBehindAByteOrderMark) {
+  EXPECT_EQ(answer([](Written& w) {
+              for (const std::string& file : {w.model.nodes, w.model.mass, w.model.stiffness}) {
+                std::ifstream in(file);
+                const std::string text(std::istreambuf_iterator<char>(in), {});
+                write_file(file, "\xEF\xBB\xBF" + text.substr(file == w.model.nodes ? text.find("n0") : 0));
+              }
+            }),
+            "taken");
+}
+
 TEST(Matrices, ThatAreIndefiniteAreRefused) {  // their lowest modes are found all the same
   const FeModel mesh = mesh_of(slender_boom());
   const auto with = [&](double M33) {
