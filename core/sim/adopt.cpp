@@ -19,6 +19,20 @@ constexpr double kAtRest = 1e-12;  // of the largest rate [rad/s, m/s], at least
          "another vehicle needs a run of its own; one that is adopted may differ in numbers, and have more");
 }
 
+/// "; arm, tip stand on the world, which has no part in these sums": bodies that do from now on, or no longer.
+std::string who_stands_now(const Model& before, const Model& after, const ModelMap& map) {
+  std::vector<std::string> stand, move;
+  for (std::size_t i = 0; i < map.body.size(); ++i) {
+    const UserBody &was = before.user[i], &is = after.user[static_cast<std::size_t>(map.body[i])];
+    if ((was.sweep == 0) != (is.sweep == 0)) (is.sweep == 0 ? stand : move).push_back(is.name);
+  }
+  std::string out;
+  if (!stand.empty())
+    out += fmt::format("; {} stand{} on the world, which has no part in these sums", fmt::join(stand, ", "), stand.size() > 1 ? "" : "s");
+  if (!move.empty()) out += fmt::format("; {} stand{} on the world no longer", fmt::join(move, ", "), move.size() > 1 ? "" : "s");
+  return out;
+}
+
 /// What the run, its outputs and whoever holds an index may refer to is still there.
 void expect_all_of(const Model& before, const ModelMap& map, const Model& after) {
   for (std::size_t i = 0; i < map.body.size(); ++i) {
@@ -173,11 +187,11 @@ void Simulation::take_in() {
   const Sums are = sums();
   balances_.go_on(are.momentum, are.energy);
   if (recorder_)
-    recorder_->note(
-        Note::event, state_.t,
-        {next_told_, fmt::format("mass {:+.6g} kg, momentum {:.6g} N s, angular momentum {:.6g} N m s, energy {:+.6g} J",
-                                 are.momentum.mass - were.momentum.mass, (are.momentum.linear - were.momentum.linear).norm(),
-                                 (are.momentum.angular - were.momentum.angular).norm(), are.energy.total() - were.energy.total())});
+    recorder_->note(Note::event, state_.t,
+                    {next_told_, fmt::format("mass {:+.6g} kg, momentum {:.6g} N s, angular momentum {:.6g} N m s, energy {:+.6g} J{}",
+                                             are.momentum.mass - were.momentum.mass, (are.momentum.linear - were.momentum.linear).norm(),
+                                             (are.momentum.angular - were.momentum.angular).norm(),
+                                             are.energy.total() - were.energy.total(), who_stands_now(*before, *model_, map))});
 }
 
 }  // namespace cardan

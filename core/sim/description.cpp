@@ -393,12 +393,17 @@ Json system_modes(Simulation& sim, int elastic) {
 }
 
 /// Not asked for: of systems where it takes no time to notice, if there is any stiffness.
-int modes_worth_telling(const Model& m, int asked) {
+Json modes_worth_telling(Simulation& sim, int asked) {
   constexpr int kDefault = 10, kSmall = 400;
-  if (asked >= 0) return asked;
+  if (asked >= 0) return asked > 0 ? system_modes(sim, asked) : Json();
+  const Model& m = sim.model();
   const bool springs =
       std::any_of(m.loads.begin(), m.loads.end(), [](const HingeLoad& s) { return s.law == HingeLaw::spring && s.p[0] != 0.0; });
-  return (springs || m.n_modes > 0 || std::ranges::any_of(m.devices.all, operators::may_be_stiff)) && m.nv <= kSmall ? kDefault : 0;
+  if (!springs && m.n_modes == 0 && std::ranges::none_of(m.devices.all, operators::may_be_stiff)) return {};
+  if (m.nv > kSmall)
+    return {{"why_not", fmt::format("of more than {} velocities, here {}, where they are asked for: `cardan describe --modes {}`", kSmall,
+                                    m.nv, kDefault)}};
+  return system_modes(sim, kDefault);
 }
 
 /// What a load is called, and its parameters.
@@ -614,7 +619,6 @@ Json moved_at_start(const std::vector<MovedAtStart>& moved) {
 
 Json describe(Simulation& sim, bool measured, int n_modes) {
   const Model& m = sim.model();
-  n_modes = modes_worth_telling(m, n_modes);
   std::vector<soa::OpCost> costs = soa::op_costs(m, sim.state());
   if (measured) measure(sim, costs);
   return {{"vehicle", m.name},
@@ -624,7 +628,7 @@ Json describe(Simulation& sim, bool measured, int n_modes) {
           {"bodies", bodies(m)},
           {"masses", masses(sim)},
           {"modes", modes(m)},
-          {"system_modes", n_modes > 0 ? system_modes(sim, n_modes) : Json()},
+          {"system_modes", modes_worth_telling(sim, n_modes)},
           {"gravity", gravity_text(m.gravity)},
           {"fields", fields(m)},
           {"devices", devices(m)},

@@ -1,4 +1,5 @@
 // What `check`, `describe` and the end of a run say about physics that is legal and yet wrong, or that cannot start.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -105,6 +106,17 @@ TEST_F(Physics, BoomOnAHubHasTheFrequencyOfEulerAndBernoulli) {
   EXPECT_EQ(refused.exit_code, 2);
   EXPECT_TRUE(has(refused.err, "C0324") && has(refused.err, "bodies.boom.hinge.at") && has(refused.err, "a node of boom: root"))
       << refused.err;
+}
+
+TEST_F(Physics, ModesThatAreLeftOutAreToldOf) {
+  std::string chain = "cardan: 1\nbodies:\n";
+  for (int i = 0; i <= 400; ++i)
+    chain += fmt::format(
+        "  b{}: {{mass: 1, inertia: [1, 1, 1], hinge: {{type: revolute, axis: [0, 0, 1], to: {}, spring: {{stiffness: 1}}}}}}\n", i,
+        i > 0 ? fmt::format("b{}", i - 1) : "world");
+  write(chain, "vehicle \"v.yaml\"\nmission { duration = 1 }\n");
+  const std::string why = describe()["system_modes"].value("why_not", "");
+  EXPECT_TRUE(has(why, "401") && has(why, "--modes 10")) << why;
 }
 
 TEST_F(Physics, AFreeBodyMayFlyOnItsMeanAxes) {

@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "core/io/hdf5_file.hpp"
 #include "tests/scripts/run_program.hpp"
 
 namespace cardan {
@@ -94,6 +95,32 @@ TEST(Topology, BodiesPartAndJoinAndTheBooksBalance) {
   };
   for (std::size_t i = 41; i <= 60; ++i) EXPECT_NEAR(apart(i), apart(40), 1e-12 * apart(40)) << i;
   EXPECT_GT(std::abs(apart(40) - apart(31)), 1e-3);
+}
+
+// The mass that leaves the sums has not gone: it stands on the world.
+TEST(Topology, BodiesThatAreLockedToTheWorldAreToldWhereMassIs) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", R"yaml(
+cardan: 1
+bodies:
+  mast: {mass: 3, inertia: [1, 2, 3], hinge: {type: revolute, axis: [0, 0, 1], to: world, initial: {rate: 0.1}}}
+  flag: {mass: 2, inertia: [1, 1, 1], hinge: {type: locked, to: mast}}
+  vane: {mass: 1, inertia: [1, 1, 1], hinge: {type: revolute, axis: [0, 0, 1], to: world, initial: {rate: 0.2}}}
+)yaml");
+  write(dir / "scenario.lua", R"lua(
+local sat = vehicle "vehicle.yaml"
+mission { duration = 3 }
+phase { name = "turning", duration = 1, exit_ = function() sat:lock "mast" end }
+phase { name = "held", duration = 1, exit_ = function() sat:unlock "mast" end }
+phase { name = "again", duration = 1 }
+)lua");
+  const Finished done = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  const std::vector<std::string> told = Hdf5File::open(dir / "out/run.h5").read_texts("/run/events/text");
+  ASSERT_EQ(told.size(), 4u);  // what happened, and the sums
+  EXPECT_TRUE(told[1].starts_with("mass -5 kg") && told[1].ends_with("; mast, flag stand on the world, which has no part in these sums"))
+      << told[1];
+  EXPECT_TRUE(told[3].starts_with("mass +5 kg") && told[3].ends_with("; mast, flag stand on the world no longer")) << told[3];
 }
 
 TEST(Topology, ARunIsRepeatedAndResumedWithTheSameBits) {
