@@ -637,7 +637,14 @@ class VehicleReader {
 }  // namespace
 
 Eigen::Matrix3d read_inertia(const DocRef& value, double mass, const Eigen::Vector3d& com, ReadContext& context) {
-  if (value.node->kind == DocNode::Kind::list) return read_vector(value, "kg m^2", context).asDiagonal();
+  if (value.node->kind == DocNode::Kind::list) {
+    if (const std::size_t n = value.node->items.size(); n != 3) {
+      context.sink.report(Code::wrong_type, value.at(), "[xx, yy, zz] or {xx, yy, zz, xy, xz, yz, about} in kg m^2",
+                          fmt::format("a list of {} values", n), "off the diagonal by name: {xx: ..., yy: ..., zz: ..., xy: ...}");
+      return Eigen::Matrix3d::Identity();
+    }
+    return read_vector(value, "kg m^2", context).asDiagonal();
+  }
   MapReader map(value, context);
   const double xx = map.number("xx", "kg m^2"), yy = map.number("yy", "kg m^2"), zz = map.number("zz", "kg m^2");
   const auto product = [&](std::string_view key) {
