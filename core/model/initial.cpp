@@ -104,12 +104,13 @@ void settle_coordinates(const cardan_hinge_family& family, const double* packed,
   const Eigen::VectorXd given = Eigen::VectorXd::Map(q, family.nq);
   family.normalise(packed, q);
   const Eigen::VectorXd settled = Eigen::VectorXd::Map(q, family.nq);
-  if ((settled - given).cwiseAbs().maxCoeff() <= 1e-6 * std::max(1.0, settled.cwiseAbs().maxCoeff())) return;  // this way round NaN is told
+  const bool is_place = settled.allFinite();
+  if (is_place && (settled - given).cwiseAbs().maxCoeff() <= 1e-6 * std::max(1.0, settled.cwiseAbs().maxCoeff())) return;
   const Names names(family.q_names, family.nq);
   sink.report(Code::bad_initial_state, at,
               fmt::format("coordinates {} of hinge type {} that belong to a place, within 1e-6", fmt::join(names, ", "), family.type),
               fmt::format("{:.9g}", fmt::join(given, ", ")),
-              settled.allFinite() ? fmt::format("normalised they are {:.9g}", fmt::join(settled, ", ")) : "");
+              is_place ? fmt::format("normalised they are {:.9g}", fmt::join(settled, ", ")) : "");
 }
 
 std::vector<double> initial_coordinates(const cardan_hinge_family& family, const double* packed, const std::vector<double>& given) {

@@ -3,7 +3,10 @@
 
 #include <gtest/gtest.h>
 
+#include <limits>
+
 #include "bodies/register.hpp"
+#include "core/model/initial.hpp"
 #include "hinges/register.hpp"
 
 namespace cardan {
@@ -97,6 +100,22 @@ TEST(Validate, NamesThePlaceOfTheNearestKnownObject) {
   validate(spec, sink);
   EXPECT_EQ(sink.all().at(0).at.mark.line, 7);
   EXPECT_EQ(sink.all().at(0).at.key_path, "bodies.a.hinge.to");
+}
+
+// One coordinate that is no number is enough, wherever it stands among the others.
+TEST(Validate, CoordinatesThatCannotBeNormalisedAreToldOf) {
+  static int bad;
+  static const char* names[] = {"x", "y", "z"};
+  cardan_hinge_family family{};
+  family.type = "direction", family.nq = 3, family.nv = 2, family.q_names = names;
+  family.normalise = [](const void*, double* q) { q[bad] = std::numeric_limits<double>::quiet_NaN(); };
+  for (bad = 0; bad < 3; ++bad) {
+    double q[3] = {0, 0, 1};
+    DiagnosticSink sink;
+    settle_coordinates(family, nullptr, q, {}, sink);
+    ASSERT_EQ(sink.all().size(), 1u) << bad;
+    EXPECT_EQ(sink.all()[0].code, Code::bad_initial_state);
+  }
 }
 
 }  // namespace
