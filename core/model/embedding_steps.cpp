@@ -240,25 +240,24 @@ class StepWriter {
     e_.steps.push_back(std::move(s));
   }
 
-  /// The coordinates on a body of a general kernel.
-  std::vector<PendingFlow> flows_on(int k, int& n) {
-    std::vector<PendingFlow> flows;
+  /// Of a body of a general kernel: with the coordinates on it, n of them.
+  EmbeddingStep step_on(int k, EmbeddingStep::Kind kind, int& n) {
+    EmbeddingStep s;
+    s.kind = kind, s.body = k;
     for (const int l : own_[at(k)]) {
       PendingFlow f;
       f.loop = l, f.own = column_of_Q(k, l, false);
-      flows.push_back(f);
+      s.flows.push_back(f);
       n += e_.loops[at(l)].n;
     }
-    return flows;
+    blocks_of(s);
+    return s;
   }
 
   void eliminate_modes(int k) {
     const SweepBody& b = ways_.body(k);
-    EmbeddingStep s;
-    s.kind = EmbeddingStep::Kind::modes, s.body = k;
     int n = 0;
-    s.flows = flows_on(k, n);
-    blocks_of(s);
+    EmbeddingStep s = step_on(k, EmbeddingStep::Kind::modes, n);
     if (b.n_modes > 0) {
       for (PendingFlow& f : s.flows) f.own_modes = modes_of_Q(k, f.loop);
       e_.factored.push_back(k);
@@ -271,10 +270,8 @@ class StepWriter {
 
   void pass_hinge(int k) {
     const SweepBody& b = ways_.body(k);
-    EmbeddingStep s;
-    s.kind = EmbeddingStep::Kind::hinge, s.body = k;
     int n = 0;
-    s.flows = flows_on(k, n);
+    EmbeddingStep s = step_on(k, EmbeddingStep::Kind::hinge, n);
     for (std::size_t i = 0; i < s.flows.size(); ++i) {
       PendingFlow& f = s.flows[i];
       for (const Couple& x : couples_[k])
@@ -284,7 +281,6 @@ class StepWriter {
       if (b.onode >= 0) f.to_modes = modes_of_Q(b.parent, f.loop), e_.flops += e_.loops[at(f.loop)].n * (24L + 12L * b.n_parent_modes);
       own_[at(b.parent)].insert(f.loop);
     }
-    blocks_of(s);
     s.Y = e_.n_Y, e_.n_Y += b.nv * n;
     e_.flops += b.nv * (25L * n + 2L * n * n) + 30L * n + of_tree(b);
     e_.steps.push_back(std::move(s));
