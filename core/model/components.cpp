@@ -43,6 +43,14 @@ std::vector<int> components_of(const Model& model, std::string_view name) {
   return out;
 }
 
+std::string component_name(const Model& model, int v) {
+  for (const UserBody& u : model.user) {
+    if (v >= u.v && v < u.v + u.nv) return u.name + "." + deviation_name(u, v - u.v);
+    if (v >= u.etadot && v < u.etadot + u.n_modes) return fmt::format("{}.eta_{}", u.name, v - u.etadot + 1);
+  }
+  return fmt::format("component {}", v);
+}
+
 std::vector<std::string> component_names(const Model& model) {
   std::vector<std::string> out;
   for (const UserBody& u : model.user) {

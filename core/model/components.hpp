@@ -20,6 +20,9 @@ std::vector<int> components_of(const Model& model, std::string_view name);
 /// What components_of knows, for hints.
 std::vector<std::string> component_names(const Model& model);
 
+/// "arm.angle", "bus.turn_x", "wing.eta_2": a name by which components_of() knows velocity component v alone.
+std::string component_name(const Model& model, int v);
+
 /// The deviation that belongs to velocity component j of a hinge: its coordinate where it has one of its own, else "turn_x",
 /// "shift_x", "d_<velocity>".
 std::string deviation_name(const UserBody& u, int j);

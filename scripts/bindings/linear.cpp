@@ -19,7 +19,7 @@ void push_texts(lua_State* L, const std::vector<std::string>& texts) {
 }
 /// The table of a model that `make` makes of the argument at index 2; nv: of what it is of.
 template <class Make>
-int push_linear(lua_State* L, const Model& m, int nv, const OperatingState& at, const Make& make) {
+int push_linear(lua_State* L, const Model& m, int nv, const operators::OperatingPoint& at, const Make& make) {
   operators::LinearPorts ports;
   std::string file;
   if (!lua_isnoneornil(L, 2)) {
@@ -32,7 +32,7 @@ int push_linear(lua_State* L, const Model& m, int nv, const OperatingState& at, 
     sink.throw_if_any();
   }
   LuaHost::charge(L, 500LL * static_cast<std::int64_t>(m.bodies.size() + static_cast<std::size_t>(nv)) * (2 * nv + 1));
-  const operators::LinearModel linear = make(at.point(), ports);
+  const operators::LinearModel linear = make(at, ports);
   lua_newtable(L);
   if (!file.empty()) {
     const std::filesystem::path path = output_file(L, file);
@@ -76,7 +76,7 @@ void push_poles(lua_State* L, const std::vector<operators::Pole>& all) {
 }
 
 int linear_model(lua_State* L, const TreeOperators& tree, const OperatingState& at) {
-  return push_linear(L, tree.model(), tree.size(Space::hinge), at,
+  return push_linear(L, tree.model(), tree.size(Space::hinge), at.point(nullptr),
                      [&](const operators::OperatingPoint& point, const operators::LinearPorts& ports) {
                        return operators::linearize(tree, point, ports);
                      });
@@ -87,9 +87,8 @@ int push_linear_model(lua_State* L, Scenario& s) {
   if (s.model->loops.empty()) return study_of_now(L, s, "linearize", linear_model);
   require_a_state(L, s, "linearize");
   const auto model = s.sim ? s.sim->shared_model() : s.model;
-  const double* q = s.q;
-  return push_linear(L, *model, model->nv, present_state(s), [&](operators::OperatingPoint point, const operators::LinearPorts& ports) {
-    point.q = q;
+  const OperatingState at = present_state(s);
+  return push_linear(L, *model, model->nv, at.point(s.q), [&](const operators::OperatingPoint& point, const operators::LinearPorts& ports) {
     return operators::linearize(*model, point, ports);
   });
 }

@@ -133,22 +133,8 @@ LuaOperators& to_operators(lua_State* L) {
 }
 
 OperatingState present_state(const Scenario& s) {
-  const int nv = s.model->nv;
-  const DeviceForces* devices = s.sim->devices();
-  OperatingState out{.t = s.sim->time(),
-                     .v = Eigen::Map<const Eigen::VectorXd>(s.v, nv),
-                     .tau = Eigen::VectorXd(nv),
-                     .vdot = Eigen::VectorXd::Zero(nv),
-                     .wrenches = {s.sim->wrenches().begin(), s.sim->wrenches().end()},
-                     .model = s.sim->own_model(),
-                     .devices = devices ? std::make_shared<const DeviceForces>(*devices) : nullptr,
-                     .moment = kept_moment(*s.model, s.sim->gravity_moment()),
-                     .seed = s.seed};
-  const std::vector<double> tau = s.sim->applied_forces();
-  std::copy(tau.begin(), tau.end(), out.tau.data());
-  for (int v = 0; v < nv; ++v)
-    if (s.model->has_given_motion(v)) out.vdot[v] = s.sim->vdot()[v];
-  out.drives.assign(s.sim->drives().begin(), s.sim->drives().end());
+  OperatingState out = operating_state(*s.sim);
+  out.seed = s.seed;
   return out;
 }
 

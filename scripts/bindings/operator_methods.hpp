@@ -9,6 +9,7 @@
 #include "core/operators/expression.hpp"
 #include "core/operators/linear_model.hpp"
 #include "core/operators/tree_operators.hpp"
+#include "core/sim/operating_state.hpp"
 #include "scripts/bindings/bind.hpp"
 #include "scripts/lua/matrix.hpp"
 #include "scripts/lua/sandbox.hpp"
@@ -18,38 +19,7 @@ namespace cardan {
 
 using operators::Sort, operators::Space, operators::TreeOperators;
 
-/// What analyses of dynamics read beside q, at the moment when the operators were made; the model's order.
-struct OperatingState {
-  double t = 0.0;                                         // [s]
-  Eigen::VectorXd v, tau;                                 // tau: of actuators and devices
-  Eigen::VectorXd vdot;                                   // of given motions
-  std::vector<NodeWrench> wrenches;                       // those of devices first
-  std::shared_ptr<const Model> model = nullptr;           // that of the devices
-  std::shared_ptr<const DeviceForces> devices = nullptr;  // null where there are none
-  std::shared_ptr<const FieldMoment> moment = nullptr;    // of gravity that is a field
-  std::vector<LoopDrive> drives = {};                     // of prescribed loops
-  std::uint64_t seed = 0;                                 // of the scenario
-  Inputs inputs(const double* q) const {
-    return {.q = q,
-            .v = v.data(),
-            .tau = tau.data(),
-            .vdot = vdot.data(),
-            .wrenches = wrenches,
-            .moment = moment.get(),
-            .drives = drives.empty() ? nullptr : drives.data()};
-  }
-  /// Without q.
-  operators::OperatingPoint point() const {
-    return {.t = t,
-            .v = v.data(),
-            .tau = tau.data(),
-            .vdot = vdot.data(),
-            .wrenches = wrenches,
-            .devices = devices.get(),
-            .moment = moment.get(),
-            .drives = drives.empty() ? nullptr : drives.data()};
-  }
-};
+/// As the scene stands.
 OperatingState present_state(const Scenario&);
 /// The operators of a tree, or of a part of it, or of the tree of compound bodies that closed loops leave.
 struct LuaOperators {

@@ -1,4 +1,4 @@
-// Modes of the assembled system, derivatives of the equations of motion, inverse kinematics and inter-body forces in scripts.
+// Modes of the assembled system, derivatives of the equations of motion, inverse kinematics, equilibria and inter-body forces in scripts.
 #include "scripts/bindings/studies.hpp"
 #include "scripts/bindings/bind.hpp"
 
@@ -18,6 +18,7 @@
 #include "core/operators/linear_model.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/operators/system_modes.hpp"
+#include "core/sim/equilibrium.hpp"
 #include "scripts/bindings/labels.hpp"
 #include "scripts/bindings/operator_methods.hpp"
 #include "scripts/lua/table.hpp"
@@ -165,8 +166,7 @@ int push_closed_derivatives(lua_State* L, const std::shared_ptr<const Model>& mo
   lua_settop(L, 2);
   const auto n = static_cast<std::int64_t>(model->nv);
   LuaHost::charge(L, 1000LL * static_cast<std::int64_t>(model->bodies.size()) * (2 * n + 2));
-  operators::OperatingPoint point = at.point();
-  point.q = q;
+  const operators::OperatingPoint point = at.point(q);
   const operators::ClosedDerivatives found = operators::closed_derivatives(*model, point);
   const operators::ClosedSystem closed(model, q, point.drives);
   const TreeOperators& tree = closed.tree();
@@ -344,6 +344,54 @@ int push_inverse_kinematics(lua_State* L, Scenario& s) {
     options.drives = s.sim ? s.sim->drives().data() : nullptr;
     return operators::inverse_kinematics(model, s.q, targets, options);
   });
+}
+
+/// A state as initial{...} takes it: per body what its hinge and its modes have.
+static void push_initial(lua_State* L, const Model& m, const VectorXd& q, const VectorXd& v) {
+  const auto numbers = [&](const VectorXd& x, int first, int n, const std::string& key) {
+    if (n == 0) return;
+    lua_createtable(L, n, 0);
+    for (int i = 0; i < n; ++i) lua_pushnumber(L, x[first + i]), lua_rawseti(L, -2, i + 1);
+    lua_setfield(L, -2, key.c_str());
+  };
+  lua_newtable(L);
+  for (const UserBody& u : m.user) {
+    if (u.nq + u.n_modes == 0) continue;
+    lua_newtable(L);
+    for (int i = 0; i < u.nq; ++i) lua_pushnumber(L, q[u.q + i]), lua_setfield(L, -2, u.q_names[static_cast<std::size_t>(i)].c_str());
+    for (int j = 0; j < u.nv; ++j) lua_pushnumber(L, v[u.v + j]), lua_setfield(L, -2, u.v_names[static_cast<std::size_t>(j)].c_str());
+    numbers(q, u.eta, u.n_modes, "eta");
+    numbers(v, u.etadot, u.n_modes, "etadot");
+    lua_setfield(L, -2, u.name.c_str());
+  }
+}
+
+/// equilibrium{move = {...}, iterations = , tolerance = }
+int push_equilibrium(lua_State* L, Scenario& s) {
+  require_a_state(L, s, "equilibrium");
+  DiagnosticSink sink;
+  LuaTable table(L, 2, "equilibrium", sink);
+  table.require({"move"});
+  EquilibriumOptions options;
+  for (const std::string& name : table.texts("move").value_or(std::vector<std::string>()))
+    for (const int v : components_at(L, *s.model, name, "equilibrium.move")) options.move.push_back(v);
+  options.iterations = static_cast<int>(table.integer("iterations").value_or(options.iterations));
+  if (options.iterations < 1) table.reject("iterations", "a number of iterations");
+  options.tolerance = table.number("tolerance").value_or(options.tolerance);
+  if (!(options.tolerance > 0.0)) table.reject("tolerance", "a positive number");
+  table.finish();
+  sink.throw_if_any();
+  LuaHost::charge(L, 2000LL * static_cast<std::int64_t>(s.model->bodies.size()) * static_cast<std::int64_t>(options.move.size() + 2));
+  const Equilibrium found = find_equilibrium(*s.sim, options);
+  lua_newtable(L);
+  lua_pushboolean(L, found.reached), set(L, "reached");
+  push_vector(L, found.q, coordinate_labels(*s.model)), set(L, "q");
+  push_vector(L, found.v, velocity_labels(*s.model)), set(L, "v");
+  push_initial(L, *s.model, found.q, found.v), set(L, "initial");
+  set_number(L, "residual", found.residual);
+  lua_pushinteger(L, found.iterations), set(L, "iterations");
+  lua_pushstring(L, found.message.c_str()), set(L, "message");
+  return 1;
 }
 
 }  // namespace cardan

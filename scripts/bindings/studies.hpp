@@ -15,6 +15,7 @@ int interbody_forces_study(lua_State* L, const operators::TreeOperators&, const 
 int push_modes(lua_State* L, Scenario&);
 int push_derivatives(lua_State* L, Scenario&);
 int push_inverse_kinematics(lua_State* L, Scenario&);
+int push_equilibrium(lua_State* L, Scenario&);
 int push_closed_system(lua_State* L, Scenario&);
 
 }  // namespace cardan

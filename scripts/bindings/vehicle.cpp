@@ -202,6 +202,7 @@ const std::vector<luaL_Reg>& vehicle_methods() {
                                  {"system_modes", method<vehicle_study<push_modes>>},
                                  {"derivatives", method<vehicle_study<push_derivatives>>},
                                  {"inverse_kinematics", method<vehicle_study<push_inverse_kinematics>>},
+                                 {"equilibrium", method<vehicle_study<push_equilibrium>>},
                                  {"closed_system", method<vehicle_study<push_closed_system>>}};
     own.insert(own.end(), topology_methods().begin(), topology_methods().end());
     return own;

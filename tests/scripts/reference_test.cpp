@@ -152,6 +152,7 @@ TEST(ScriptReference, HasEveryKeyOfTheTablesThatAreRead) {
       {"LinearPorts", "sim:linearize { _no = 1 }"},
       {"ModesOptions", "sim:system_modes { _no = 1 }"},
       {"IkTask", "sim:inverse_kinematics { targets = {}, _no = 1 }"},
+      {"EquilibriumTask", "sim:equilibrium { move = {'rod'}, _no = 1 }"},
       {"IkTarget", "sim:inverse_kinematics { targets = {{ node = 'rod', position = {1, 2, 3}, _no = 1 }} }"},
       {"TaskOptions", "sim:operators():task { nodes = {'rod'}, _no = 1 }"},
       {"ClosedTaskOptions", "sim:closed_system():task { nodes = {'rod'}, _no = 1 }"}};

@@ -259,6 +259,20 @@ function figure(options) end
 ---@field seed integer
 ---@field message string
 
+---@class EquilibriumTask
+---@field move string[] components that may move, and are at rest then: "boom.angle", "boom" for its hinge, "wing.eta" for its modes
+---@field iterations? integer at most, default 50
+---@field tolerance? number of the last step, default 1e-12 [rad, m]
+
+---@class EquilibriumResult
+---@field reached boolean
+---@field q Vector the posture, or the nearest that was found
+---@field v Vector rates there: zero of what may move
+---@field initial table<string, table> the same as initial takes it
+---@field residual number the largest acceleration left of what may move
+---@field iterations integer
+---@field message string
+
 --- What sim, a vehicle and operators answer about a state.
 ---@class Scene
 local Scene = {}
@@ -297,6 +311,10 @@ sim = {}
 --- The vehicle with its loops closed as one system, where it is now.
 ---@return ClosedSystem system
 function sim:closed_system() end
+--- The posture near that of now in which what may move stays at rest, under forces and commands of now; all else stands or moves as it does now.
+---@param task EquilibriumTask
+---@return EquilibriumResult result
+function sim:equilibrium(task) end
 --- The time; in `when` of an event that of the trial state.
 ---@return number t [s]
 function sim:t() end
@@ -333,6 +351,10 @@ local Vehicle = {}
 --- The vehicle with its loops closed as one system, where it is now.
 ---@return ClosedSystem system
 function Vehicle:closed_system() end
+--- The posture near that of now in which what may move stays at rest, under forces and commands of now; all else stands or moves as it does now.
+---@param task EquilibriumTask
+---@return EquilibriumResult result
+function Vehicle:equilibrium(task) end
 ---@param name string
 ---@return Body body
 function Vehicle:body(name) end

@@ -1,0 +1,205 @@
+#include "core/sim/equilibrium.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "core/base/diagnostic.hpp"
+#include "core/linalg/dense.hpp"
+#include "core/model/components.hpp"
+#include "core/operators/linear_model.hpp"
+#include "core/operators/sensitivity.hpp"
+#include "core/sim/operating_state.hpp"
+#include "core/sim/simulation.hpp"
+
+namespace cardan {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::VectorXd;
+
+constexpr double kTied = 1e-9;  // singular values of what loops tie to what stands, over the largest
+constexpr int kHalved = 12;
+constexpr double kStalled = 1e-8;  // a step that is larger, and no longer makes the next one smaller, is not rounding
+
+double largest(const VectorXd& x) { return x.size() > 0 ? x.lpNorm<Eigen::Infinity>() : 0.0; }
+
+/// Motions v = along y that are looked at, and how r = rates* v', which is to vanish, changes with them: dr = J dy.
+struct Slope {
+  MatrixXd along, rates;  // nv x k
+  MatrixXd J;             // k x k
+  VectorXd r(const VectorXd& vdot) const { return rates.transpose() * vdot; }
+  VectorXd row_scales() const {
+    return J.rowwise().lpNorm<Eigen::Infinity>().unaryExpr([](double x) { return x > 0.0 ? 1.0 / x : 1.0; });
+  }
+  /// The shortest dy that brings r nearest to zero, rows of J alike.
+  VectorXd newton_step(const VectorXd& r) const {
+    const VectorXd scale = row_scales();
+    return -least_squares(scale.asDiagonal() * J, scale.cwiseProduct(r));
+  }
+  /// What no dy takes away of r, in the unit of y: zero but for rounding where J has its rank.
+  double out_of_reach(const VectorXd& r) const { return largest(row_scales().cwiseProduct(r + J * newton_step(r))); }
+};
+
+class Search {
+ public:
+  Search(Simulation& sim, const EquilibriumOptions& options)
+      : trial_(sim.shared_model(), SimulationOptions{}), m_(trial_.model()), moves_(static_cast<std::size_t>(m_.nv), 0), turns_(moves_) {
+    const int own = m_.devices.n_loads;
+    for (std::size_t i = static_cast<std::size_t>(own); i < sim.wrenches().size(); ++i)
+      trial_.add_wrench(sim.wrenches()[i].node, sim.wrenches()[i].world_axes);
+    trial_.take_over(sim);
+    for (const int v : options.move) {
+      if (v < 0 || v >= m_.nv)
+        refuse(Code::out_of_range, {"equilibrium.move"}, fmt::format("velocity components 0 to {}", m_.nv - 1), fmt::format("{}", v));
+      if (m_.has_given_motion(v))
+        refuse(Code::unsupported, {"equilibrium.move"}, "components that are free",
+               fmt::format("{}, whose motion is given", component_name(m_, v)));
+      moves_[static_cast<std::size_t>(v)] = 1;
+    }
+    if (options.move.empty()) refuse(Code::missing_key, {"equilibrium.move"}, "the components that may move", "none");
+    for (const UserBody& u : m_.user)
+      for (int j = 0; j < u.nv; ++j) turns_[static_cast<std::size_t>(u.v + j)] = u.v_units[static_cast<std::size_t>(j)] == "rad/s";
+    if (!m_.loops.empty()) loops_.emplace(m_);
+  }
+
+  Equilibrium run(const EquilibriumOptions& options) {
+    Equilibrium out;
+    State at = trial_.state();
+    for (int v = 0; v < m_.nv; ++v)
+      if (moves_[static_cast<std::size_t>(v)]) at.v[v] = 0.0;
+    if (!place(at)) trial_.set_state(at), trial_.vdot();  // throws what is wrong with the start
+    VectorXd went = VectorXd::Zero(m_.nv);
+    double out_of_reach = 0.0;
+    bool settled = false, nearer = true;
+    while (!settled && nearer && out.iterations < options.iterations) {
+      ++out.iterations;
+      const Slope slope = slope_here();
+      const VectorXd r = slope.r(trial_.vdot()), d = slope.along * slope.newton_step(r);
+      if (!d.allFinite()) break;
+      out_of_reach = slope.out_of_reach(r);
+      const double size = std::max(1.0, largest(went));
+      nearer = approach(slope, d, options.step, went);
+      settled = largest(d) <= (nearer ? options.tolerance : kStalled) * size;
+    }
+    out.q = trial_.state().q, out.v = trial_.state().v;
+    out.reached = settled && out_of_reach <= kStalled;
+    tell(out, settled);
+    return out;
+  }
+
+ private:
+  Simulation trial_;
+  const Model& m_;
+  std::vector<std::uint8_t> moves_, turns_;  // per velocity component
+  std::optional<LoopProjection> loops_;
+
+  /// Goes there, loops closed; false where there are no accelerations.
+  bool place(State at) {
+    if (loops_ && !loops_->close(at.q.data(), at.v.data(), trial_.drives().data())) return false;
+    trial_.set_state(at);
+    try {
+      return trial_.vdot().allFinite();
+    } catch (const NumericsError&) {
+      return false;
+    }
+  }
+
+  Slope slope_here() {
+    const OperatingState at = operating_state(trial_);
+    const double* q = trial_.state().q.data();
+    if (loops_) return closed_slope(at.point(q));
+    std::vector<int> moved;
+    for (int v = 0; v < m_.nv; ++v)
+      if (moves_[static_cast<std::size_t>(v)]) moved.push_back(v);
+    const auto k = static_cast<Eigen::Index>(moved.size());
+    Slope out{MatrixXd::Zero(m_.nv, k), {}, {}};
+    std::vector<operators::Direction> along(moved.size());
+    for (Eigen::Index j = 0; j < k; ++j) {
+      out.along(moved[static_cast<std::size_t>(j)], j) = 1.0;
+      along[static_cast<std::size_t>(j)].q = out.along.col(j).data();
+    }
+    operators::Sensitivities about(trial_.own_model());
+    about.solve(at.inputs(q), at.devices.get());
+    MatrixXd slope(m_.nv, k);
+    about.forward(along, slope.data());
+    out.rates = out.along;
+    out.J = out.rates.transpose() * slope;
+    return out;
+  }
+
+  /// Of the independent components, those motions in which nothing moves that may not.
+  Slope closed_slope(const operators::OperatingPoint& at) {
+    const operators::ClosedDerivatives found = operators::closed_derivatives(m_, at);
+    Workspace ws(m_);
+    const MatrixXd X = loop_freedom(m_, ws, at.q, at.drives).X;
+    MatrixXd still(0, X.cols());
+    for (int v = 0; v < m_.nv; ++v) {
+      if (moves_[static_cast<std::size_t>(v)] || X.row(v).isZero(0.0)) continue;
+      still.conservativeResize(still.rows() + 1, Eigen::NoChange);
+      still.bottomRows<1>() = X.row(v);
+    }
+    MatrixXd N = MatrixXd::Identity(X.cols(), X.cols());
+    if (still.rows() > 0) {
+      const RightSingular parts = right_singular(still);
+      const auto held = (parts.values.array() > kTied * parts.values[0]).count();
+      N = parts.vectors.rightCols(X.cols() - held).eval();
+    }
+    if (N.cols() == 0)
+      refuse(Code::unsupported, {"equilibrium.move"}, "components that closed loops let move while all others stand",
+             "some that they tie to others", "name more of those of the loops");
+    Slope out{X * N, MatrixXd::Zero(m_.nv, N.cols()), {}};
+    for (Eigen::Index i = 0; i < N.rows(); ++i) out.rates.row(found.independent[static_cast<std::size_t>(i)]) = N.row(i);
+    out.J = out.rates.transpose() * found.q * N;
+    return out;
+  }
+
+  double largest_turn(const VectorXd& d) const {
+    double most = 0.0;
+    for (int v = 0; v < m_.nv; ++v)
+      if (turns_[static_cast<std::size_t>(v)]) most = std::max(most, std::abs(d[v]));
+    return most;
+  }
+
+  /// By d or a part of it, such that the next step would be smaller by the same slope (Deuflhard 2004, natural monotonicity); false: no
+  /// part of it is, and it stays.
+  bool approach(const Slope& slope, const VectorXd& d, double turn, VectorXd& went) {
+    const State from = trial_.state();
+    double part = std::min(1.0, turn / std::max(largest_turn(d), turn));
+    for (int halved = 0; halved < kHalved; ++halved, part *= 0.5) {
+      State next = from;
+      const VectorXd step = part * d;
+      m_.retract(from.q.data(), step.data(), next.q.data());
+      if (!place(next)) continue;
+      const VectorXd left = slope.along * slope.newton_step(slope.r(trial_.vdot()));
+      if (!(left.norm() <= (1.0 - 0.25 * part) * d.norm())) continue;
+      went += step;
+      return true;
+    }
+    place(from);
+    return false;
+  }
+
+  void tell(Equilibrium& out, bool settled) {
+    int worst = -1;
+    for (int v = 0; v < m_.nv; ++v)
+      if (moves_[static_cast<std::size_t>(v)] && (worst < 0 || !(std::abs(trial_.vdot()[v]) <= out.residual)))
+        worst = v, out.residual = std::abs(trial_.vdot()[v]);
+    const std::string left = fmt::format("{} has an acceleration of {:.3g}", component_name(m_, worst), out.residual);
+    const std::string after = fmt::format("after {} iteration{}", out.iterations, out.iterations == 1 ? "" : "s");
+    if (out.reached)
+      out.message = fmt::format("in equilibrium {}: {} at most", after, left);
+    else if (settled)
+      out.message = fmt::format("not in equilibrium: {} wherever it moves, nothing that it moves holds it", left);
+    else
+      out.message = fmt::format("not in equilibrium {}: {}; begin nearer to one, or name what may move with it", after, left);
+  }
+};
+
+}  // namespace
+
+Equilibrium find_equilibrium(Simulation& sim, const EquilibriumOptions& options) { return Search(sim, options).run(options); }
+
+}  // namespace cardan

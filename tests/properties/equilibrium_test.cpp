@@ -1,0 +1,196 @@
+// Postures at rest: closed forms, random trees and mechanisms, and what has none.
+#include "core/sim/equilibrium.hpp"
+
+#include <numbers>
+#include <numeric>
+
+#include "core/dynamics/loops.hpp"
+#include "core/model/components.hpp"
+#include "core/sim/simulation.hpp"
+#include "tests/properties/closed_mechanisms.hpp"
+#include "tests/properties/loaded_simulation.hpp"
+#include "tests/properties/random_devices.hpp"
+#include "tests/support/four_bar.hpp"
+
+namespace cardan::test {
+namespace {
+
+std::vector<int> named(const Model& m, const std::vector<std::string>& names) {
+  std::vector<int> out;
+  for (const std::string& name : names) {
+    const std::vector<int> found = components_of(m, name);
+    EXPECT_FALSE(found.empty()) << name;
+    out.insert(out.end(), found.begin(), found.end());
+  }
+  return out;
+}
+
+constexpr double kLength = 0.7, kWeight = 9.81;
+
+/// A point on a rod, hinged where a shaft turns with `spin`; from `start`.
+SystemSpec conical_pendulum(double spin, double start) {
+  SystemSpec spec = system({on(rigid("shaft", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "revolute", {{0, 0, 1}}),
+                            on(rigid("rod", 2.0, {0, 0, -kLength}, diagonal({0.03, 0.03, 0.03})), "shaft", "revolute", {{0, 1, 0}})},
+                           uniform_gravity({0, 0, -kWeight}));
+  spec.bodies[0].hinge.prescribed = {0};
+  spec.bodies[0].hinge.v = {spin};
+  spec.bodies[1].hinge.q = {start};
+  return spec;
+}
+
+TEST(Equilibrium, OfAPendulumThatTurnsIsThatOfHuygens) {
+  constexpr double kSpin = 5.0;
+  Simulation sim(compiled(conical_pendulum(kSpin, 0.9)), {});
+  const State before = sim.state();
+  const Equilibrium found = find_equilibrium(sim, {.move = named(sim.model(), {"rod"})});
+  ASSERT_TRUE(found.reached) << found.message;
+  EXPECT_NEAR(found.q[1], std::acos(kWeight / (kSpin * kSpin * kLength)), 1e-14);
+  EXPECT_EQ(found.v, (VectorXd(2) << kSpin, 0.0).finished());
+  EXPECT_LE(found.iterations, 7);  // each squares the distance
+  EXPECT_EQ(sim.state().q, before.q);
+  EXPECT_EQ(sim.state().v, before.v);
+}
+
+TEST(Equilibrium, IsTheNearestOneAlsoIfItIsNotStable) {
+  Simulation sim(compiled(conical_pendulum(0.0, 3.0)), {});
+  const Equilibrium up = find_equilibrium(sim, {.move = {1}});
+  ASSERT_TRUE(up.reached) << up.message;
+  EXPECT_NEAR(up.q[1], std::numbers::pi, 1e-14);
+  sim.q(1) = 0.5 * std::numbers::pi;  // level: the slope of its weight is zero there
+  const Equilibrium level = find_equilibrium(sim, {.move = {1}});
+  EXPECT_TRUE(!level.reached || std::abs(std::sin(level.q[1])) < 1e-14) << level.message;
+}
+
+TEST(Equilibrium, ThatThereIsNoneIsTold) {
+  Simulation sim(compiled(conical_pendulum(0.0, 0.3)), {});
+  sim.set_force(1, 1.01 * 2.0 * kWeight * kLength);  // more than the weight can hold
+  const Equilibrium pushed = find_equilibrium(sim, {.move = {1}});
+  EXPECT_FALSE(pushed.reached);
+  EXPECT_NE(pushed.message.find("not in equilibrium"), std::string::npos) << pushed.message;
+  EXPECT_TRUE(pushed.q.allFinite());
+  SystemSpec free = system({on(rigid("wheel", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "revolute", {{0, 0, 1}})});
+  Simulation wheel(compiled(free), {});
+  EXPECT_TRUE(find_equilibrium(wheel, {.move = {0}}).reached);
+  wheel.set_force(0, 0.25);
+  const Equilibrium driven = find_equilibrium(wheel, {.move = {0}});
+  EXPECT_FALSE(driven.reached);
+  EXPECT_EQ(driven.message,
+            "not in equilibrium: wheel.angle has an acceleration of 0.25 wherever it moves, nothing that it moves holds it");
+  EXPECT_EQ(driven.residual, 0.25);
+}
+
+TEST(Equilibrium, RefusesWhatCannotMove) {
+  Simulation sim(compiled(conical_pendulum(1.0, 0.3)), {});
+  const auto refused = [&](std::vector<int> move) {
+    try {
+      find_equilibrium(sim, {.move = std::move(move)});
+    } catch (const InputError& e) {
+      return e.diagnostics().front().code;
+    }
+    return Code::not_a_rotation;
+  };
+  EXPECT_EQ(refused({}), Code::missing_key);
+  EXPECT_EQ(refused({7}), Code::out_of_range);
+  EXPECT_EQ(refused({0}), Code::unsupported);  // its motion is given
+}
+
+/// The largest v' of what moved, in the simulation itself.
+double left_of(Simulation& sim, const Equilibrium& found, const std::vector<int>& moved) {
+  State at = sim.state();
+  at.q = found.q, at.v = found.v;
+  sim.set_state(at);
+  double most = 0.0;
+  for (const int v : moved) most = worse(most, std::abs(sim.vdot()[v]));
+  return most;
+}
+
+/// Hinges on springs and modes, under weight, loads, devices and what given motions and a moving root do to them.
+TEST(Equilibrium, OfRandomTreesUnderTheirLoads) {
+  int found_some = 0;
+  for (const double flexible : {0.0, 0.5})
+    for_all_trees({.bodies = 6, .flexible = flexible, .springs = true}, 1e-9, [&](const RandomTree& tree) {
+      SystemSpec spec = tree.spec;
+      for (BodySpec& b : spec.bodies) b.hinge.loads.clear();
+      for (std::size_t i = 1; i < spec.bodies.size(); ++i) std::ranges::fill(spec.bodies[i].hinge.v, 0.0);
+      CompileOptions options;
+      options.world_wrenches = true;
+      Simulation sim(compiled(with_devices(spec, tree.seed), options), {});
+      set_loads(sim, tree);
+      std::vector<int> moved;
+      const Model& m = sim.model();
+      for (const UserBody& u : m.user)
+        for (int v = 0; v < m.nv; ++v) {
+          const bool of_mode = v >= u.etadot && v < u.etadot + u.n_modes;
+          const bool of_spring = v >= u.v && v < u.v + u.nv && !m.has_given_motion(v) &&
+                                 std::ranges::any_of(m.spec->bodies[static_cast<std::size_t>(&u - m.user.data())].hinge.springs,
+                                                     [](const auto& s) { return s.stiffness > 0.0; });
+          if (of_mode || (of_spring && u.nv == 1)) moved.push_back(v);
+        }
+      if (moved.empty()) return 0.0;
+      const Equilibrium found = find_equilibrium(sim, {.move = moved});
+      if (!found.reached) return 0.0;
+      ++found_some;
+      const double size = 1.0 + largest(sim.vdot());
+      return relative(left_of(sim, found, moved), size);
+    });
+  EXPECT_GT(found_some, 60);  // of 120 trees
+}
+
+/// A four-bar linkage on a spring and under its weight, closed in each form: where its energy has no slope.
+TEST(Equilibrium, OfAMechanismIsWhereItsEnergyHasNoSlope) {
+  std::vector<double> crank;
+  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers, LoopForm::dae}) {
+    SystemSpec spec = four_bar();
+    spec.gravity = uniform_gravity({0.3, -1.7, 0.0});
+    spec.loop_form = form;
+    for (BodySpec& b : spec.bodies) std::ranges::fill(b.hinge.v, 0.0);
+    Simulation sim(compiled(spec), {});
+    std::vector<int> all(static_cast<std::size_t>(sim.model().nv));
+    std::iota(all.begin(), all.end(), 0);
+    const Equilibrium found = find_equilibrium(sim, {.move = all});
+    ASSERT_TRUE(found.reached) << found.message;
+    EXPECT_LT(left_of(sim, found, all), 1e-11);
+    crank.push_back(found.q[0]);
+    Workspace ws(sim.model());
+    EXPECT_LT(largest(loop_rows(sim.model(), ws, found.q.data()).c), 1e-13);
+    const LoopFreedom freedom = loop_freedom(sim.model(), ws, found.q.data());
+    const auto energy = [&](double h) {
+      State at = sim.state();
+      at.q = found.q;
+      sim.model().retract(found.q.data(), VectorXd(h * freedom.X.col(0)).eval().data(), at.q.data());
+      VectorXd still = VectorXd::Zero(sim.model().nv);
+      LoopProjection(sim.model()).close(at.q.data(), still.data());
+      at.v = still;
+      sim.set_state(at);
+      return sim.energy().total();
+    };
+    constexpr double kStep = 1e-4;
+    EXPECT_LT(std::abs(energy(kStep) - energy(-kStep)) / (2.0 * kStep), 1e-7);
+    EXPECT_GT(std::abs(energy(kStep) + energy(-kStep) - 2.0 * energy(0.0)) / (kStep * kStep), 1e-3);
+  }
+  EXPECT_NEAR(crank[1], crank[0], 1e-12);
+  EXPECT_NEAR(crank[2], crank[0], 1e-12);
+}
+
+/// Links that bend under their weight, and the first crank on a spring: at rest by all forms, loops that touch closed.
+TEST(Equilibrium, OfMechanismsWhoseLinksBend) {
+  std::vector<VectorXd> postures;
+  for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
+    SystemSpec spec = bending_four_bars(3, true);
+    spec.gravity = uniform_gravity({0, -9.81, 1.3});
+    spec.bodies[0].hinge.springs = {{0, 300.0, 0.9, 0.0, {}}};
+    spec.loop_form = form;
+    Simulation sim(compiled(spec), {});
+    std::vector<int> all(static_cast<std::size_t>(sim.model().nv));
+    std::iota(all.begin(), all.end(), 0);
+    const Equilibrium found = find_equilibrium(sim, {.move = all});
+    ASSERT_TRUE(found.reached) << found.message;
+    const double size = largest(sim.vdot());
+    EXPECT_LT(left_of(sim, found, all), 1e-12 * size);
+    postures.push_back(found.q);
+  }
+  EXPECT_LT(apart(postures[1], postures[0]), 1e-12);
+}
+
+}  // namespace
+}  // namespace cardan::test
