@@ -20,9 +20,12 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kTied = 1e-9;  // singular values of what loops tie to what stands, over the largest
-constexpr int kHalved = 12;
-constexpr double kStalled = 1e-8;  // a step that is larger, and no longer makes the next one smaller, is not rounding
+constexpr double kTied = 1e-9;     // singular values of what loops tie to what stands, over the largest
+constexpr double kNeutral = 1e-9;  // an eigenvalue, over the largest, that counts as zero
+constexpr int kParts = 4;          // of a step of Newton, each half of the one before
+constexpr int kDamped = 10;
+constexpr double kDamping = 1e-4;
+constexpr double kStalled = 1e-8;  // where nothing comes nearer: what is left, as a displacement, that is rounding
 
 double largest(const VectorXd& x) { return x.size() > 0 ? x.lpNorm<Eigen::Infinity>() : 0.0; }
 
@@ -31,16 +34,30 @@ struct Slope {
   MatrixXd along, rates;  // nv x k
   MatrixXd J;             // k x k
   VectorXd r(const VectorXd& vdot) const { return rates.transpose() * vdot; }
-  VectorXd row_scales() const {
-    return J.rowwise().lpNorm<Eigen::Infinity>().unaryExpr([](double x) { return x > 0.0 ? 1.0 / x : 1.0; });
+  VectorXd size;  // k: of each row of J the largest entry so far (as Moré 1978 does with columns); 1 where there was none
+  void set_sizes(VectorXd& largest_yet) {
+    const VectorXd now = J.rowwise().lpNorm<Eigen::Infinity>();
+    largest_yet = largest_yet.size() == now.size() ? VectorXd(largest_yet.cwiseMax(now)) : now;
+    size = largest_yet.unaryExpr([](double x) { return x > 0.0 ? x : 1.0; });
   }
+  /// r in the unit of y.
+  VectorXd scaled(const VectorXd& r) const { return r.cwiseQuotient(size); }
   /// The shortest dy that brings r nearest to zero, rows of J alike.
-  VectorXd newton_step(const VectorXd& r) const {
-    const VectorXd scale = row_scales();
-    return -least_squares(scale.asDiagonal() * J, scale.cwiseProduct(r));
+  VectorXd newton_step(const VectorXd& r) const { return -least_squares(size.cwiseInverse().asDiagonal() * J, scaled(r)); }
+  /// The dy of least |r + J dy|^2 + damping |dy|^2, rows of J alike (Levenberg 1944, Marquardt 1963).
+  VectorXd damped_step(const VectorXd& r, double damping) const {
+    const MatrixXd A = size.cwiseInverse().asDiagonal() * J;
+    MatrixXd normal = A.transpose() * A;
+    normal.diagonal().array() += damping;
+    return -symmetric_solve(normal, VectorXd(A.transpose() * scaled(r)));
+  }
+  /// y'' = J y grows somewhere: an eigenvalue is positive, and no rounding of zero.
+  bool drives_itself() const {
+    const Eigen::ArrayXcd lambda = eigenvalues(J);
+    return lambda.real().maxCoeff() > kNeutral * lambda.abs().maxCoeff();
   }
   /// What no dy takes away of r, in the unit of y: zero but for rounding where J has its rank.
-  double out_of_reach(const VectorXd& r) const { return largest(row_scales().cwiseProduct(r + J * newton_step(r))); }
+  double out_of_reach(const VectorXd& r) const { return largest(scaled(r + J * newton_step(r))); }
 };
 
 class Search {
@@ -71,21 +88,24 @@ class Search {
     for (int v = 0; v < m_.nv; ++v)
       if (moves_[static_cast<std::size_t>(v)]) at.v[v] = 0.0;
     if (!place(at)) trial_.set_state(at), trial_.vdot();  // throws what is wrong with the start
-    VectorXd went = VectorXd::Zero(m_.nv);
+    VectorXd went = VectorXd::Zero(m_.nv), sizes;
     double out_of_reach = 0.0;
     bool settled = false, nearer = true;
     while (!settled && nearer && out.iterations < options.iterations) {
       ++out.iterations;
-      const Slope slope = slope_here();
+      Slope slope = slope_here();
+      slope.set_sizes(sizes);
       const VectorXd r = slope.r(trial_.vdot()), d = slope.along * slope.newton_step(r);
       if (!d.allFinite()) break;
       out_of_reach = slope.out_of_reach(r);
-      const double size = std::max(1.0, largest(went));
-      nearer = approach(slope, d, options.step, went);
-      settled = largest(d) <= (nearer ? options.tolerance : kStalled) * size;
+      const double far = std::max(1.0, largest(went));
+      const bool by_newton = approach_by_newton(slope, d, options.step, went);
+      nearer = by_newton || approach_with_damping(slope, r, options.step, went);
+      settled = by_newton ? largest(d) <= options.tolerance * far : !nearer && largest(slope.scaled(r)) <= kStalled * far;
     }
     out.q = trial_.state().q, out.v = trial_.state().v;
     out.reached = settled && out_of_reach <= kStalled;
+    out.statically_stable = out.reached && !slope_here().drives_itself();
     tell(out, settled);
     return out;
   }
@@ -115,7 +135,7 @@ class Search {
     for (int v = 0; v < m_.nv; ++v)
       if (moves_[static_cast<std::size_t>(v)]) moved.push_back(v);
     const auto k = static_cast<Eigen::Index>(moved.size());
-    Slope out{MatrixXd::Zero(m_.nv, k), {}, {}};
+    Slope out{MatrixXd::Zero(m_.nv, k), {}, {}, {}};
     std::vector<operators::Direction> along(moved.size());
     for (Eigen::Index j = 0; j < k; ++j) {
       out.along(moved[static_cast<std::size_t>(j)], j) = 1.0;
@@ -150,7 +170,7 @@ class Search {
     if (N.cols() == 0)
       refuse(Code::unsupported, {"equilibrium.move"}, "components that closed loops let move while all others stand",
              "some that they tie to others", "name more of those of the loops");
-    Slope out{X * N, MatrixXd::Zero(m_.nv, N.cols()), {}};
+    Slope out{X * N, MatrixXd::Zero(m_.nv, N.cols()), {}, {}};
     for (Eigen::Index i = 0; i < N.rows(); ++i) out.rates.row(found.independent[static_cast<std::size_t>(i)]) = N.row(i);
     out.J = out.rates.transpose() * found.q * N;
     return out;
@@ -163,19 +183,38 @@ class Search {
     return most;
   }
 
+  double within(double turn, const VectorXd& d) const { return std::min(1.0, turn / std::max(largest_turn(d), turn)); }
+  State moved(const State& from, const VectorXd& d) const {
+    State next = from;
+    m_.retract(from.q.data(), d.data(), next.q.data());
+    return next;
+  }
+
   /// By d or a part of it, such that the next step would be smaller by the same slope (Deuflhard 2004, natural monotonicity); false: no
   /// part of it is, and it stays.
-  bool approach(const Slope& slope, const VectorXd& d, double turn, VectorXd& went) {
+  bool approach_by_newton(const Slope& slope, const VectorXd& d, double turn, VectorXd& went) {
     const State from = trial_.state();
-    double part = std::min(1.0, turn / std::max(largest_turn(d), turn));
-    for (int halved = 0; halved < kHalved; ++halved, part *= 0.5) {
-      State next = from;
-      const VectorXd step = part * d;
-      m_.retract(from.q.data(), step.data(), next.q.data());
-      if (!place(next)) continue;
+    double part = within(turn, d);
+    for (int tried = 0; tried < kParts; ++tried, part *= 0.5) {
+      if (!place(moved(from, part * d))) continue;
       const VectorXd left = slope.along * slope.newton_step(slope.r(trial_.vdot()));
       if (!(left.norm() <= (1.0 - 0.25 * part) * d.norm())) continue;
-      went += step;
+      went += part * d;
+      return true;
+    }
+    place(from);
+    return false;
+  }
+  /// By damped steps, ever shorter, such that r is smaller: where J has hardly its rank, as beside postures that are next to each other.
+  bool approach_with_damping(const Slope& slope, const VectorXd& r, double turn, VectorXd& went) {
+    const State from = trial_.state();
+    const double now = slope.scaled(r).norm();
+    double damping = kDamping * std::min(1.0, now);
+    for (int tried = 0; tried < kDamped; ++tried, damping *= 8.0) {
+      VectorXd d = slope.along * slope.damped_step(r, damping);
+      d *= within(turn, d);
+      if (!place(moved(from, d)) || !(slope.scaled(slope.r(trial_.vdot())).norm() <= (1.0 - 1e-3) * now)) continue;
+      went += d;
       return true;
     }
     place(from);
@@ -190,7 +229,8 @@ class Search {
     const std::string left = fmt::format("{} has an acceleration of {:.3g}", component_name(m_, worst), out.residual);
     const std::string after = fmt::format("after {} iteration{}", out.iterations, out.iterations == 1 ? "" : "s");
     if (out.reached)
-      out.message = fmt::format("in equilibrium {}: {} at most", after, left);
+      out.message = fmt::format("in equilibrium {}: {} at most{}", after, left,
+                                out.statically_stable ? "" : "; a small move drives itself on there, unless what spins holds it");
     else if (settled)
       out.message = fmt::format("not in equilibrium: {} wherever it moves, nothing that it moves holds it", left);
     else

@@ -222,6 +222,31 @@ int derivatives_study(lua_State* L, const TreeOperators& tree, const OperatingSt
   return 1;
 }
 
+namespace {
+
+/// A state as initial{...} takes it: per body what its hinge and its modes have; null v: coordinates alone.
+void push_initial(lua_State* L, const Model& m, const VectorXd& q, const VectorXd* v) {
+  const auto numbers = [&](const VectorXd& x, int first, int n, const std::string& key) {
+    if (n == 0) return;
+    lua_createtable(L, n, 0);
+    for (int i = 0; i < n; ++i) lua_pushnumber(L, x[first + i]), lua_rawseti(L, -2, i + 1);
+    lua_setfield(L, -2, key.c_str());
+  };
+  lua_newtable(L);
+  for (const UserBody& u : m.user) {
+    if (u.nq + u.n_modes == 0) continue;
+    lua_newtable(L);
+    for (int i = 0; i < u.nq; ++i) lua_pushnumber(L, q[u.q + i]), lua_setfield(L, -2, u.q_names[static_cast<std::size_t>(i)].c_str());
+    for (int j = 0; v && j < u.nv; ++j)
+      lua_pushnumber(L, (*v)[u.v + j]), lua_setfield(L, -2, u.v_names[static_cast<std::size_t>(j)].c_str());
+    numbers(q, u.eta, u.n_modes, "eta");
+    if (v) numbers(*v, u.etadot, u.n_modes, "etadot");
+    lua_setfield(L, -2, u.name.c_str());
+  }
+}
+
+}  // namespace
+
 /// solve(targets, options).
 template <class Solve>
 int push_inverse_kinematics(lua_State* L, const Model& m, std::uint64_t seed, const Solve& solve) {
@@ -269,6 +294,7 @@ int push_inverse_kinematics(lua_State* L, const Model& m, std::uint64_t seed, co
   lua_newtable(L);
   lua_pushboolean(L, r.reached), set(L, "reached");
   push_vector(L, r.q, coordinate_labels(m)), set(L, "q");
+  push_initial(L, m, r.q, nullptr), set(L, "initial");
   set_number(L, "residual", r.residual);
   push_matrix(L, r.error, {{"rx", "ry", "rz", "x", "y", "z"}, {"rad", "rad", "rad", "m", "m", "m"}}), set(L, "error");
   lua_newtable(L);
@@ -346,26 +372,6 @@ int push_inverse_kinematics(lua_State* L, Scenario& s) {
   });
 }
 
-/// A state as initial{...} takes it: per body what its hinge and its modes have.
-static void push_initial(lua_State* L, const Model& m, const VectorXd& q, const VectorXd& v) {
-  const auto numbers = [&](const VectorXd& x, int first, int n, const std::string& key) {
-    if (n == 0) return;
-    lua_createtable(L, n, 0);
-    for (int i = 0; i < n; ++i) lua_pushnumber(L, x[first + i]), lua_rawseti(L, -2, i + 1);
-    lua_setfield(L, -2, key.c_str());
-  };
-  lua_newtable(L);
-  for (const UserBody& u : m.user) {
-    if (u.nq + u.n_modes == 0) continue;
-    lua_newtable(L);
-    for (int i = 0; i < u.nq; ++i) lua_pushnumber(L, q[u.q + i]), lua_setfield(L, -2, u.q_names[static_cast<std::size_t>(i)].c_str());
-    for (int j = 0; j < u.nv; ++j) lua_pushnumber(L, v[u.v + j]), lua_setfield(L, -2, u.v_names[static_cast<std::size_t>(j)].c_str());
-    numbers(q, u.eta, u.n_modes, "eta");
-    numbers(v, u.etadot, u.n_modes, "etadot");
-    lua_setfield(L, -2, u.name.c_str());
-  }
-}
-
 /// equilibrium{move = {...}, iterations = , tolerance = }
 int push_equilibrium(lua_State* L, Scenario& s) {
   require_a_state(L, s, "equilibrium");
@@ -385,9 +391,10 @@ int push_equilibrium(lua_State* L, Scenario& s) {
   const Equilibrium found = find_equilibrium(*s.sim, options);
   lua_newtable(L);
   lua_pushboolean(L, found.reached), set(L, "reached");
+  lua_pushboolean(L, found.statically_stable), set(L, "statically_stable");
   push_vector(L, found.q, coordinate_labels(*s.model)), set(L, "q");
   push_vector(L, found.v, velocity_labels(*s.model)), set(L, "v");
-  push_initial(L, *s.model, found.q, found.v), set(L, "initial");
+  push_initial(L, *s.model, found.q, &found.v), set(L, "initial");
   set_number(L, "residual", found.residual);
   lua_pushinteger(L, found.iterations), set(L, "iterations");
   lua_pushstring(L, found.message.c_str()), set(L, "message");

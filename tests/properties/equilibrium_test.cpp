@@ -44,6 +44,7 @@ TEST(Equilibrium, OfAPendulumThatTurnsIsThatOfHuygens) {
   const State before = sim.state();
   const Equilibrium found = find_equilibrium(sim, {.move = named(sim.model(), {"rod"})});
   ASSERT_TRUE(found.reached) << found.message;
+  EXPECT_TRUE(found.statically_stable);
   EXPECT_NEAR(found.q[1], std::acos(kWeight / (kSpin * kSpin * kLength)), 1e-14);
   EXPECT_EQ(found.v, (VectorXd(2) << kSpin, 0.0).finished());
   EXPECT_LE(found.iterations, 7);  // each squares the distance
@@ -55,10 +56,33 @@ TEST(Equilibrium, IsTheNearestOneAlsoIfItIsNotStable) {
   Simulation sim(compiled(conical_pendulum(0.0, 3.0)), {});
   const Equilibrium up = find_equilibrium(sim, {.move = {1}});
   ASSERT_TRUE(up.reached) << up.message;
+  EXPECT_FALSE(up.statically_stable);
+  EXPECT_NE(up.message.find("a small move drives itself on there"), std::string::npos) << up.message;
   EXPECT_NEAR(up.q[1], std::numbers::pi, 1e-14);
   sim.q(1) = 0.5 * std::numbers::pi;  // level: the slope of its weight is zero there
   const Equilibrium level = find_equilibrium(sim, {.move = {1}});
   EXPECT_TRUE(!level.reached || std::abs(std::sin(level.q[1])) < 1e-14) << level.message;
+}
+
+/// Round links on ball hinges hang straight, however each is turned about its own axis: no posture stands alone, and the slope has no
+/// rank there.
+TEST(Equilibrium, WherePosturesAreNextToEachOther) {
+  for (const double angle : {0.1, 0.5, 1.0}) {
+    std::vector<BodySpec> links;
+    for (int i = 0; i < 3; ++i) {
+      BodySpec link = on(rigid("link" + std::to_string(i), 1.0 + i, {0, 0, -0.4}, diagonal({0.1, 0.1, 0.02})),
+                         i > 0 ? "link" + std::to_string(i - 1) : "", "ball", {}, i > 0 ? Vector3d(0, 0, -1) : Vector3d(0, 0, 0));
+      const Eigen::Quaterniond turned(Eigen::AngleAxisd(angle, Vector3d(1, -2 + i, 0.7).normalized()));
+      link.hinge.q = {turned.w(), turned.x(), turned.y(), turned.z()};
+      links.push_back(link);
+    }
+    Simulation sim(compiled(system(links, uniform_gravity({0, 0, -kWeight}))), {});
+    const Equilibrium found = find_equilibrium(sim, {.move = named(sim.model(), {"link0", "link1", "link2"})});
+    ASSERT_TRUE(found.reached) << angle << ": " << found.message;
+    EXPECT_TRUE(found.statically_stable) << angle;
+    for (int i = 0; i < 3; ++i)  // turned about z alone
+      EXPECT_LT(std::hypot(found.q[4 * i + 1], found.q[4 * i + 2]), 1e-9) << angle << ", link " << i;
+  }
 }
 
 TEST(Equilibrium, ThatThereIsNoneIsTold) {
@@ -70,7 +94,7 @@ TEST(Equilibrium, ThatThereIsNoneIsTold) {
   EXPECT_TRUE(pushed.q.allFinite());
   SystemSpec free = system({on(rigid("wheel", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "revolute", {{0, 0, 1}})});
   Simulation wheel(compiled(free), {});
-  EXPECT_TRUE(find_equilibrium(wheel, {.move = {0}}).reached);
+  EXPECT_TRUE(find_equilibrium(wheel, {.move = {0}}).statically_stable);  // it stays wherever it is
   wheel.set_force(0, 0.25);
   const Equilibrium driven = find_equilibrium(wheel, {.move = {0}});
   EXPECT_FALSE(driven.reached);

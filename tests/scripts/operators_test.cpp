@@ -222,6 +222,8 @@ assert(math.abs(math.abs(d.vdot_q(1, 1)) - weight / inertia) < 1e-11 and d.vdot_
 assert(d.tau_q == nil and sat:derivatives("bar").vdot:max_abs() < 1e-11)     -- it hangs, whatever its mass
 local found = sat:inverse_kinematics { targets = { { node = "bar", position = { 0.5 * math.sin(0.4), -0.5 * math.cos(0.4), 0 } } } }
 assert(found.reached and (found.q - vector { 0.4 - math.pi / 2, 0.4 - math.pi / 2, math.pi / 2 - 0.4 }):max_abs() < 1e-9, found.message)
+initial(found.initial)
+assert((sim:q() - found.q):max_abs() < 1e-12 and sim:v():max_abs() < 1e-12)
 )";
   const Finished run = run_program({"check", "scenario.lua"}, dir.path());
   EXPECT_EQ(run.exit_code, 0) << run.out << run.err;

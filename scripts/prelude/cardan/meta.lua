@@ -250,6 +250,7 @@ function figure(options) end
 ---@class IkResult
 ---@field reached boolean
 ---@field q Vector the solution, or the nearest posture found
+---@field initial table<string, table> the same as initial takes it; rates are not in it
 ---@field residual number weighted norm of all rows that count
 ---@field error Matrix per target, [rotation; position] in target axes
 ---@field at_limit string[] components that stand at a limit
@@ -266,6 +267,7 @@ function figure(options) end
 
 ---@class EquilibriumResult
 ---@field reached boolean
+---@field statically_stable boolean no small move drives itself on; else only what spins may hold it
 ---@field q Vector the posture, or the nearest that was found
 ---@field v Vector rates there: zero of what may move
 ---@field initial table<string, table> the same as initial takes it
