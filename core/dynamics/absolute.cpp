@@ -345,6 +345,13 @@ double AbsoluteSystem::size_of_acceleration(int row, const double* Udot) const {
   return sum;
 }
 
+double AbsoluteSystem::size_of_centripetal(int loop) const {
+  const std::size_t l = at(a_.loop_of[at(loop)]);
+  const Vec3<double>&from = ws_.loops->from[l].w, &to = ws_.loops->to[l].w, &u = ws_.loops->relative[l].u;
+  const double turning = std::sqrt(dot(from, from)) + std::sqrt(dot(to, to));
+  return turning * (m_.loops.all[at(loop)].lever * turning + std::sqrt(dot(u, u)));
+}
+
 void AbsoluteSystem::rates_of_hinges(const double* Udot, double* vdot) const {
   for (const Hinge& h : hinges_)
     for (int i = 0; i < h.nv; ++i) vdot[h.v + i] = of_hinges_[at(h.first + i)] + H_.times(h.first + i, Udot);
@@ -422,12 +429,15 @@ bool keeps_rows_left_out(const Model& model, Workspace& ws, const LoopPass& pass
   };
   double size = 0.0, alone = 0.0, open = 0.0;
   const std::vector<double> pushed = a.system.accelerations_alone();
-  for (const Loop& loop : model.loops.all)
+  for (const Loop& loop : model.loops.all) {
+    if (loop.closing != Closing::coupling)
+      alone = std::max(alone, a.system.size_of_centripetal(static_cast<int>(&loop - model.loops.all.data())));
     for (int i = loop.first; i < loop.first + loop.rows; ++i) {
       size = std::max(size, k.scale[at(i)] * a.system.size_of_acceleration(row_of(loop, i), a.Udot.data()));
       alone = std::max(alone, k.scale[at(i)] * a.system.size_of_acceleration(row_of(loop, i), pushed.data()));
       if (loop.turns()) open = std::max(open, k.scale[at(i)] * std::abs(k.c[at(i)]) / loop.lever);
     }
+  }
   const double limit = (kContradiction + 1e3 * open) * size + kRounding * alone;
   for (std::size_t i = at(k.rank); i < k.row_at.size(); ++i) {
     const int row = k.row_at[i];

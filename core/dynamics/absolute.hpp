@@ -75,6 +75,8 @@ class AbsoluteSystem {
   /// c'' of a row at U', and the sum of the magnitudes of which it is made.
   double acceleration(int row, const double* Udot) const;
   double size_of_acceleration(int row, const double* Udot) const;
+  /// [m/s^2] Of a loop of the vehicle that is no coupling: the size of the products of rates in c'' of its rows, which may cancel.
+  double size_of_centripetal(int loop) const;
   /// Of a velocity of the bodies, as accelerate() has it: the diagonal of M.
   double inertia(int velocity) const { return M_[static_cast<std::size_t>(diagonal_[static_cast<std::size_t>(velocity)])]; }
   /// v' of the vehicle.

@@ -55,6 +55,9 @@ class LoopCompiler {
       loop.rows = rows_of(loop.closing, loop.hinge);
       if (given.prescribed && loop.closing != Closing::distance && loop.closing != Closing::coupling)
         report(Code::bad_loop, given, "prescribed", "a type with a length or an offset: distance, coupling", in_quotes(given.type));
+      if (given.as_found && loop.closing == Closing::coupling && (given.prescribed || !given.functions.empty()))
+        report(Code::unsupported, given, "as_found", "a coupling of terms alone, whose offset is found when it closes",
+               given.prescribed ? "one whose offset is prescribed" : "one with functions");
       if (loop.closing != Closing::coupling)
         join(given, loop);
       else if (!given.open)

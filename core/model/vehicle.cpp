@@ -342,7 +342,7 @@ class VehicleReader {
     loop.at = value.at();
     loop.type = map.text("type", "a closure or a hinge type");
     loop.open = map.flag("open", false);
-    if (loop.type == "weld") loop.as_found = map.flag("as_found", false);
+    if (loop.type == "weld" || loop.type == "coupling") loop.as_found = map.flag("as_found", false);
     const std::vector<std::string>& closures = closure_types();
     const cardan_hinge_family* family = registry_.hinge(loop.type);
     const bool known = family || std::ranges::find(closures, loop.type) != closures.end();

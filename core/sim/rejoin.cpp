@@ -9,6 +9,7 @@
 #include "core/base/units.hpp"
 #include "core/dynamics/hinge_fit.hpp"
 #include "core/dynamics/inverse.hpp"
+#include "core/model/components.hpp"
 #include "core/model/device_units.hpp"
 #include "core/model/model_map.hpp"
 #include "core/model/params.hpp"
@@ -60,7 +61,7 @@ class Rejoining {
     }
     for (LoopSpec& loop : spec_.loops)
       if (loop.as_found)
-        hold_as_found(loop);
+        loop.type == "coupling" ? couple_as_found(loop) : hold_as_found(loop);
       else if (const LoopDrive* drive = drive_of(loop.name))
         (loop.type == "distance" ? loop.length : loop.offset) = length_of(loop.name) + drive->more;
     remember_components();
@@ -176,6 +177,20 @@ class Rejoining {
              fmt::format("{}.{}, a node of a flexible body", loop.to.body, loop.to.node), "let the flexible body be `from`");
     const Pose<double> X = inverse(place(loop.to.body, "", {}).pose) * place(loop.from.body, loop.from.node, in_place(loop.from)).pose;
     loop.to.node.clear(), loop.to.R = to_eigen(X.R), loop.to.position = to_eigen(X.p);
+  }
+
+  /// Its offset is what its terms sum to when it closes, also when it is open again.
+  void couple_as_found(LoopSpec& loop) const {
+    const auto was = std::ranges::find(before_.spec->loops, loop.name, &LoopSpec::name);
+    if (was != before_.spec->loops.end()) loop.offset = was->offset;
+    if (loop.open || (was != before_.spec->loops.end() && !was->open)) return;
+    const auto open = compile(std::make_shared<const SystemSpec>(bare()), registry_, options_);
+    const State start = open->initial_state();
+    loop.offset = 0.0;
+    for (const LoopSpec::Term& term : loop.terms)
+      if (const std::vector<int> v = components_of(*open, term.target); v.size() == 1)  // else compile() refuses it
+        for (const UserBody& u : open->user)
+          if (v[0] >= u.v && v[0] < u.v + u.nv && u.nq == u.nv) loop.offset += term.coefficient * start.q[u.q + v[0] - u.v];
   }
 
   /// Poses that are held as they were found are seen from the origin of the world, in orbit to 1e-9 m. From the home of the loop they are
@@ -344,6 +359,10 @@ std::vector<double> initial_places(const SystemSpec& spec) {
   for (const LoopSpec& l : spec.loops) {
     if (l.prescribed) all.push_back(l.type == "distance" ? l.length : l.offset);
     if (!l.as_found) continue;
+    if (l.type == "coupling") {
+      all.push_back(l.offset);
+      continue;
+    }
     all.push_back(l.to.node.empty());
     all.insert(all.end(), l.to.R.data(), l.to.R.data() + 9), all.insert(all.end(), l.to.position.data(), l.to.position.data() + 3);
   }
@@ -372,6 +391,11 @@ bool put_initial_places(SystemSpec& spec, const std::vector<double>& places) {
       (l.type == "distance" ? l.length : l.offset) = *at++;
     }
     if (!l.as_found) continue;
+    if (l.type == "coupling") {
+      if (at == places.end()) return false;
+      l.offset = *at++;
+      continue;
+    }
     if (places.end() - at < 13) return false;
     if (*at++ != 0.0) l.to.node.clear();
     std::copy_n(at, 9, l.to.R.data()), std::copy_n(at + 9, 3, l.to.position.data());

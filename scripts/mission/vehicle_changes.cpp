@@ -132,7 +132,8 @@ Rejoined VehicleChanges::make() {
       d.at.mark = by.by, d.stack = by.stack;
       if (d.code == Code::open_start) {
         d.about = "the ends of a loop do not meet", d.expected = "a loop whose ends meet where they are";
-        d.got += fmt::format(" at t = {:.6g} s", s_.sim->state().t), d.hint = "a weld with as_found: true holds its ends as they are";
+        d.got += fmt::format(" at t = {:.6g} s", s_.sim->state().t),
+            d.hint = "with as_found: true a weld holds its ends, and a coupling its sum, as they are";
       }
     }
     throw InputError(all);

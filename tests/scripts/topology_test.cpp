@@ -179,6 +179,39 @@ loops:
     EXPECT_NE(done.err.find(part), std::string::npos) << part << "\n" << done.err;
 }
 
+// A clutch: gears mesh as they stand. The rates after it by J_a n w_a + J_b w_b = (J_a n^2 + J_b) w_b'.
+TEST(Topology, ACouplingTakesTheSumThatItFinds) {
+  const TemporaryFolder dir;
+  const Finished done = mission(dir, R"lua(
+phase { name = "free", duration = 1.3, exit_ = function() sat:close "clutch" end }
+phase { name = "held", duration = 2, exit_ = function() sat:open "clutch" end }
+phase { name = "apart", duration = 1.2, enter = function() sat:hinge("b"):torque(0.2) end, exit_ = function() sat:close "clutch" end }
+phase { name = "held again" }
+)lua",
+                                R"yaml(
+cardan: 1
+bodies:
+  a: {mass: 1, inertia: [1, 1, 0.4], hinge: {type: revolute, axis: [0, 0, 1], to: world, initial: {rate: 20}}}
+  b: {mass: 1, inertia: [1, 1, 0.9], hinge: {type: revolute, axis: [0, 0, 1], to: world, initial: {angle: 0.3, rate: 1}}}
+  guest: {mass: 20, inertia: [2, 3, 4], hinge: {type: free, to: world}}
+loops:
+  clutch: {type: coupling, terms: {a: 1, b: -3}, open: true, as_found: true}
+)yaml");
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  const auto a = rows(dir / "out", "hinges/a/angle"), b = rows(dir / "out", "hinges/b/angle"), rate = rows(dir / "out", "hinges/b/rate");
+  const auto sum = [&](std::size_t i) { return a[i][0] - 3.0 * b[i][0]; };
+  for (std::size_t i = 14; i <= 33; ++i) EXPECT_NEAR(sum(i), sum(13), 1e-12) << i;
+  for (std::size_t i = 46; i <= 60; ++i) EXPECT_NEAR(sum(i), sum(45), 1e-12) << i;
+  EXPECT_GT(std::abs(sum(45) - sum(33)), 1e-3);
+  EXPECT_NEAR(rate[20][0], (0.4 * 3.0 * 20.0 + 0.9) / (0.4 * 9.0 + 0.9), 1e-13);
+  const std::string all = json(channels_of(dir / "out")).dump();
+  for (const char* at : {"1", "2", "4", "5"}) {
+    const Finished resumed = run_program({"run", "--resume", "out/run.h5", "--at", at, "--quiet", "--out", "resumed"}, dir.path());
+    ASSERT_EQ(resumed.exit_code, 0) << resumed.err;
+    EXPECT_EQ(json(channels_of(dir / "resumed")).dump(), all) << at;
+  }
+}
+
 TEST(Topology, TheOrderOfWhatHappensInOneInstantTellsNothing) {
   const TemporaryFolder dir;
   std::string all;
