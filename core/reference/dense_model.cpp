@@ -129,6 +129,7 @@ typename DenseLoop<T>::Term term_of(const DenseModel<T>& model, const LoopSpec::
                                                                                      {"helical", {"angle"}},
                                                                                      {"cylindrical", {"angle", "displacement"}},
                                                                                      {"universal", {"angle_1", "angle_2"}},
+                                                                                     {"constant_velocity", {"tilt_1", "tilt_2"}},
                                                                                      {"gimbal", {"angle_1", "angle_2", "angle_3"}},
                                                                                      {"planar", {"x", "y", "angle"}},
                                                                                      {"translational", {"x", "y", "z"}}};

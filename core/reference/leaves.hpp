@@ -101,11 +101,23 @@ struct HingeSize {
 inline HingeSize hinge_size(const std::string& type) {
   if (type == "locked") return {0, 0};
   if (type == "revolute" || type == "prismatic" || type == "helical") return {1, 1};
-  if (type == "cylindrical" || type == "universal") return {2, 2};
+  if (type == "cylindrical" || type == "universal" || type == "constant_velocity") return {2, 2};
   if (type == "gimbal" || type == "planar" || type == "translational") return {3, 3};
   if (type == "ball") return {4, 3};
   if (type == "free" || type == "free_body") return {7, 6};
   return {-1, -1};
+}
+
+/// R = exp(theta~) with theta = along x: turn = Jl(theta) along with the left Jacobian Jl = 1 + c_2 theta~ + c_3 theta~^2 of the rotation
+/// vector; `rate` is theta'.
+template <class T>
+void turn_by_vector(const Mat3X<T>& along, const Vec3<T>& theta, const Vec3<T>& rate, RelativeMotion<T>& m) {
+  const Mat3<T> t = tilde(theta), d = tilde(rate);
+  const T x = theta.squaredNorm();
+  const T c2 = stumpff(2, x), c3 = stumpff(3, x), c4 = stumpff(4, x), c5 = stumpff(5, x);
+  m.R = Mat3<T>::Identity() + stumpff(1, x) * t + c2 * t * t;
+  m.turn = (Mat3<T>::Identity() + c2 * t + c3 * t * t) * along;
+  m.turn_bias = (c2 * d + c3 * (d * t + t * d) + theta.dot(rate) * ((2 * c4 - c3) * t + (3 * c5 - c4) * t * t)) * rate;
 }
 
 /// Motion of P relative to O, in O axes (conventions: table of hinges in docs/mathematics).
@@ -133,6 +145,9 @@ RelativeMotion<T> hinge_motion(const HingeShape<T>& h, const VecX<T>& q, const V
       w += m.turn.col(i) * v[i];
       m.R *= rotation(u(i), q[i]);
     }
+  } else if (h.type == "constant_velocity") {
+    const Mat3X<T> across = h.axes.leftCols(2);
+    turn_by_vector<T>(across, across * q, across * v, m);
   } else if (h.type == "planar") {
     const Vec3<T> normal = u(0).cross(u(1));
     m.R = rotation(normal, q[2]);
@@ -179,8 +194,7 @@ struct ModalPoint {
   std::vector<MatX<T>> Q;              // empty, or 3 matrices modes x modes
 };
 
-/// Motion of a node relative to its body's frame B, in B axes. The angular velocity is Jl(theta) theta' with
-/// theta = Psi eta and the left Jacobian Jl = 1 + c_2 theta~ + c_3 theta~^2 of the rotation vector.
+/// Motion of a node relative to its body's frame B, in B axes.
 template <class T>
 RelativeMotion<T> node_motion(const ModalPoint<T>& node, const VecX<T>& eta, const VecX<T>& etadot) {
   RelativeMotion<T> m(static_cast<int>(eta.size()));
@@ -188,13 +202,8 @@ RelativeMotion<T> node_motion(const ModalPoint<T>& node, const VecX<T>& eta, con
     m.R = node.R, m.p = node.position;
     return m;
   }
-  const Vec3<T> theta = node.Psi * eta, rate = node.Psi * etadot;
-  const Mat3<T> t = tilde(theta), d = tilde(rate);
-  const T x = theta.squaredNorm();
-  const T c2 = stumpff(2, x), c3 = stumpff(3, x), c4 = stumpff(4, x), c5 = stumpff(5, x);
-  m.R = (Mat3<T>::Identity() + stumpff(1, x) * t + c2 * t * t) * node.R;
-  m.turn = (Mat3<T>::Identity() + c2 * t + c3 * t * t) * node.Psi;
-  m.turn_bias = (c2 * d + c3 * (d * t + t * d) + theta.dot(rate) * ((2 * c4 - c3) * t + (3 * c5 - c4) * t * t)) * rate;
+  turn_by_vector<T>(node.Psi, node.Psi * eta, node.Psi * etadot, m);
+  m.R *= node.R;
   m.p = node.position + node.Phi * eta;
   m.shift = node.Phi;
   for (std::size_t i = 0; i < node.Q.size(); ++i) {

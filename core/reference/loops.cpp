@@ -22,6 +22,14 @@ class Conditions {
     const Vec3<T> pddot = A_.wdot.cross(p) + A_.w.cross(pdot), nddot = B_.wdot.cross(n) + B_.w.cross(ndot);
     add(p.dot(n) - cosine, n.cross(p), Vec3<T>::Zero(), -(pddot.dot(n) + 2 * pdot.dot(ndot) + p.dot(nddot)));
   }
+  /// No turn about the line between two shafts: p_1 of A to n_2 of B as p_2 of A to n_1 of B, e_1 and e_2 across the shafts.
+  void no_torsion(const Vec3<T>& e_1, const Vec3<T>& e_2) {
+    angle(e_1, e_2, T(0)), angle(e_2, e_1, T(0));
+    const Row second = all_.back();
+    all_.pop_back();
+    Row& row = all_.back();
+    row.c -= second.c, row.gamma -= second.gamma, row.moment -= second.moment, row.G -= second.G;
+  }
   /// No way along p, fixed in A.
   void way(const Vec3<T>& p_A) {
     const Vec3<T> p = A_.R * p_A, pdot = A_.w.cross(p), pddot = A_.wdot.cross(p) + A_.w.cross(pdot);
@@ -117,9 +125,9 @@ Vec3<T> across(const Vec3<T>& u) {
 }  // namespace
 
 bool knows_loop(std::string_view type) {
-  constexpr std::string_view kKnown[] = {"weld",      "locked",   "point",         "ball",      "gimbal",  "line",
-                                         "plane",     "distance", "revolute",      "prismatic", "helical", "cylindrical",
-                                         "universal", "planar",   "translational", "coupling"};
+  constexpr std::string_view kKnown[] = {"weld",      "locked",   "point",         "ball",      "gimbal",           "line",
+                                         "plane",     "distance", "revolute",      "prismatic", "helical",          "cylindrical",
+                                         "universal", "planar",   "translational", "coupling",  "constant_velocity"};
   return std::ranges::find(kKnown, type) != std::end(kKnown);
 }
 
@@ -181,6 +189,9 @@ LoopRows<T> rows_of(const DenseLoop<T>& loop, const Frame<T>& A, const Frame<T>&
     if (type == "helical") on.screw(u, a, loop.shape.pitch);
   } else if (type == "universal") {
     on.angle(axis(0), axis(1), axis(0).dot(axis(1)));
+    on.point();
+  } else if (type == "constant_velocity") {
+    on.no_torsion(axis(0), axis(1));
     on.point();
   } else if (type == "planar") {
     const Vec3<T> n = axis(0).cross(axis(1));

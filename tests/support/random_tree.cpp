@@ -53,10 +53,19 @@ void set_hinge(HingeSpec& h, const std::string& type, Random& random) {
   struct Shape {
     int axes, nq, nv;
   };
-  static const std::map<std::string, Shape> shapes = {{"locked", {0, 0, 0}},  {"revolute", {1, 1, 1}},    {"prismatic", {1, 1, 1}},
-                                                      {"helical", {1, 1, 1}}, {"cylindrical", {1, 2, 2}}, {"universal", {2, 2, 2}},
-                                                      {"gimbal", {3, 3, 3}},  {"planar", {2, 3, 3}},      {"translational", {0, 3, 3}},
-                                                      {"ball", {0, 4, 3}},    {"free", {0, 7, 6}},        {"free_body", {0, 7, 6}}};
+  static const std::map<std::string, Shape> shapes = {{"locked", {0, 0, 0}},
+                                                      {"revolute", {1, 1, 1}},
+                                                      {"prismatic", {1, 1, 1}},
+                                                      {"helical", {1, 1, 1}},
+                                                      {"cylindrical", {1, 2, 2}},
+                                                      {"universal", {2, 2, 2}},
+                                                      {"constant_velocity", {2, 2, 2}},
+                                                      {"gimbal", {3, 3, 3}},
+                                                      {"planar", {2, 3, 3}},
+                                                      {"translational", {0, 3, 3}},
+                                                      {"ball", {0, 4, 3}},
+                                                      {"free", {0, 7, 6}},
+                                                      {"free_body", {0, 7, 6}}};
   const Shape& shape = shapes.at(type);
   h.type = type;
   if (shape.axes > 0) {
