@@ -26,7 +26,8 @@ int component(lua_State* L, int arg, const std::vector<std::string>& names, cons
       if (names[i] == name || (u.nq == u.nv && (u.q_names[i] == name || u.v_names[i] == name))) return static_cast<int>(i);
   }
   const std::string word = type == LUA_TSTRING ? lua_tostring(L, arg) : "";
-  refuse(L, Code::unknown_name, "hinge of " + body, n == 0 ? "a hinge that moves" : fmt::format("1 to {}, or a name: {}", n, listed(names)),
+  refuse(L, n == 0 ? Code::lua_argument : Code::unknown_name, "hinge of " + body,
+         n == 0 ? "a hinge that moves" : fmt::format("1 to {}, or a name: {}", n, listed(names)),
          type == LUA_TNONE ? "the first component" : describe_value(L, arg), did_you_mean(word, names));
 }
 

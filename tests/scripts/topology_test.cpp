@@ -473,7 +473,7 @@ TEST(Topology, WhatCannotBeDoneIsTold) {
   told("sat:attach('bus', {to = 'tip', as_found = true})", 3, "closed loop");
   told("sat:attach('guest', {to = 'bus', type = 'ball', as_found = true})", 3, "a type, or as_found = true");
   told("sat:attach('guest', {to = 'bus', initial = {}})", 3, "a hinge without `initial` and `locked`");
-  told("sat:hinge('upper'):torque(1)", 3, "unknown name, at hinge of upper\n");
+  told("sat:hinge('upper'):torque(1)", 3, "wrong argument, at hinge of upper\n");
   told("sat:close 'dock'", 3, "the ends of a loop do not meet, at loops.dock");
 }
 
@@ -499,6 +499,7 @@ loops:
     EXPECT_NE(done.err.find(hint), std::string::npos) << call << "\n" << done.err;
   };
   told("sat:lock 'drum'", "\"drum\", whose hinge is locked", "sat:open in a mission");
+  told("sat:lock 'drum'", "a loop that closes nothing, at loops.gear.terms.drum\n", "got:      \"drum\", whose hinge is locked");
   told("sat:detach 'drum'", "\"drum\", which flies freely", "sat:open in a mission");
   told("sat:lock 'guest'", "which are fixed to each other", "sat:open in a mission");
   told("sat:detach 'dust'", "dust, a particle", "translational");
