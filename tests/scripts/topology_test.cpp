@@ -486,6 +486,7 @@ bodies:
   drum: {mass: 1, inertia: [0.1, 0.2, 0.2], hinge: {type: revolute, axis: [1, 0, 0], to: bus.p}}
   dust: {type: particle, mass: 0.5, hinge: {type: locked, to: {body: drum, position: [0, 0.4, 0]}}}
   guest: {mass: 1, inertia: [0.1, 0.2, 0.2], hinge: {type: revolute, axis: [1, 0, 0], to: {body: bus, position: [0, 1, 0]}}}
+  fan: {mass: 1, inertia: [0.1, 0.1, 0.2], hinge: {type: revolute, axis: [0, 0, 1], to: bus, prescribed: true}}
 loops:
   gear: {type: coupling, terms: {motor: 1, drum: -5}}
   stay: {type: plane, from: bus, to: guest}
@@ -503,6 +504,7 @@ loops:
   told("sat:detach 'drum'", "\"drum\", which flies freely", "sat:open in a mission");
   told("sat:lock 'guest'", "which are fixed to each other", "sat:open in a mission");
   told("sat:detach 'dust'", "dust, a particle", "translational");
+  told("sat:lock 'fan'", "a model that the run cannot go on with, at vehicle:lock\n", "that of fan, which is prescribed");
   const Finished done =
       mission(dir,
               "phase { name = 'a', duration = 1, exit_ = function() sat:attach('dust', {to = {body = 'world', orientation = "
