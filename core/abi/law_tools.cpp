@@ -60,7 +60,7 @@ void Violations::law(std::string_view name, double error, double limit, double s
   ++t.trials, t.broken += !holds;
   if (holds) return;
   const std::string number = where.empty() ? "" : fmt::format(" ({})", where);
-  found_.push_back(fmt::format("{}{}: error {:.2g} (limit {:.0e}, sample {})", name, number, error, limit, sample));
+  found_.push_back(fmt::format("{}{}: error {:.2g} (limit {:.0e}, sample {}{})", name, number, error, limit, sample, at));
 }
 
 void Violations::law(std::string_view name, bool holds, std::string_view told) {
@@ -68,7 +68,7 @@ void Violations::law(std::string_view name, bool holds, std::string_view told) {
   ++t.trials;
   if (holds) return;
   if (t.broken++ == 0) t.sample = sample, t.where = told;
-  found_.push_back(fmt::format("{} (sample {})", told.empty() ? name : told, sample));
+  found_.push_back(fmt::format("{} (sample {}{})", told.empty() ? name : told, sample, at));
 }
 
 std::vector<std::string> Violations::take(LawRecord* record) {

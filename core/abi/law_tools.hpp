@@ -24,6 +24,7 @@ namespace cardan {
 class Violations {
  public:
   int sample = 0;
+  std::string at;  ///< where that sample is, told behind its number
 
   /// A law in the order of the report; `untried`: why, should no sample come to it.
   void list(std::string_view law, std::string_view untried = "no sample came to it");

@@ -52,7 +52,9 @@ Record record(const cardan_hinge_out& out, Eigen::Index nv) {
           Eigen::Map<const MatrixXd>(out.Ht, 6, nv), Eigen::Map<const Eigen::Matrix<double, 6, 1>>(out.Hdot_v)};
 }
 
-constexpr double kStep = 3e-4;  // of the differences, in a coordinate [rad, m]: h^4 / 30 and eps / h are below 1e-12
+constexpr double kStep = 3e-4;       // of the differences, in a coordinate [rad, m]: h^4 / 30 and eps / h are below 1e-12
+constexpr double kLeastStep = 1e-6;  // where eps / h comes near kRateLimit
+constexpr double kRateLimit = 1e-9;
 
 class HingeInstance {
  public:
@@ -128,10 +130,10 @@ class HingeInstance {
       return (factor * (8.0 * (g(p1) - g(m1)) - (g(p2) - g(m2)))).eval();
     }
   };
-  Along along(const VectorXd& q, const VectorXd& u, const VectorXd& v) const {
+  Along along(const VectorXd& q, const VectorXd& u, const VectorXd& v, double step = kStep) const {
     const VectorXd d = qdot(q, u);
     const double size = d.size() > 0 ? d.lpNorm<Eigen::Infinity>() : 0.0;
-    const double h = size > 0.0 ? kStep / size : 1.0;
+    const double h = size > 0.0 ? step / size : 1.0;
     return {at(q - 2 * h * d, v), at(q - h * d, v), at(q + h * d, v), at(q + 2 * h * d, v), 1.0 / (12.0 * h)};
   }
 
@@ -229,6 +231,7 @@ class HingeLaws {
     const double rate = kRateSizes[static_cast<std::size_t>(i) % std::size(kRateSizes)];
     const VectorXd v = rate * random_vector(rng_, nv), u = rate * random_vector(rng_, nv), d = random_vector(rng_, nv);
     const VectorXd any = size * random_vector(rng_, nq), q = hinge.normalise(i == 0 ? hinge.zero() : any);
+    found_.at = nq == 0 ? "" : fmt::format(", q = [{:.6g}]", fmt::join(q, ", "));
     expect(hinge, packed.block, q, v, u, d, size > 1.0);
     found_.law(kWrites, hinge.overrun().empty(), hinge.overrun());
     return hinge.overrun().empty();
@@ -251,21 +254,42 @@ class HingeLaws {
     found_.law(arguments...);
   }
 
+  /// A law about rates, as far as differences tell. Next to a point where a hinge is singular they tell less, and what they miss shrinks
+  /// with their step (by 4^4, once the step is shorter than the way to that point); what is wrong with the hinge stays. Where the error
+  /// still changes at the least step, the sample tells nothing.
+  template <class Along, class Error>
+  void law_of_rates(const char* name, const Along& along, const Error& error, double scale) {
+    const auto holds = [&](double e) { return e <= kRateLimit * (1.0 + scale); };
+    const double first = error(along(kStep));
+    double before = first, last = first;
+    for (double step = kStep / 4.0; !holds(last) && step > kLeastStep; step /= 4.0) before = last, last = error(along(step));
+    if (holds(last) || !(std::abs(last - before) > 0.1 * last)) law(name, holds(last) ? last : first, kRateLimit, scale);
+  }
+
   void expect(const HingeInstance& hinge, const std::vector<double>& packed, const VectorXd& q, const VectorXd& v, const VectorXd& u,
               const VectorXd& d, bool far) {
     if (far && !(hinge.inside_of_domain(q, v) && hinge.inside_of_domain(q, u))) return;
     const Record r = hinge.at(q, v);
-    const auto of_v = hinge.along(q, v, v);
     const double l = r.l.norm(), rate = v.norm() + u.norm();
     law("R is a rotation", (r.R.transpose() * r.R - Matrix3d::Identity()).norm() + std::abs(r.R.determinant() - 1.0), 1e-13);
     const VectorXd h = r.Ht * v;
-    const Matrix3d Rdot = of_v.rate([](const Record& x) { return x.R; });
-    const Vector3d ldot = of_v.rate([](const Record& x) { return x.l; });
-    law("angular part of Ht v = vee(R* dR/dt)", (vee(r.R.transpose() * Rdot) - h.head<3>()).norm(), 1e-9, h.norm());
-    law("linear part of Ht v = R* dl/dt", (r.R.transpose() * ldot - h.tail<3>()).norm(), 1e-9, h.norm() + l * rate);
+    const auto along_v = [&](double step) { return hinge.along(q, v, v, step); };
+    const auto angular = [&](const HingeInstance::Along& a) {
+      const Matrix3d Rdot = a.rate([](const Record& x) { return x.R; });
+      return (vee(r.R.transpose() * Rdot) - h.head<3>()).norm();
+    };
+    const auto linear = [&](const HingeInstance::Along& a) {
+      const Vector3d ldot = a.rate([](const Record& x) { return x.l; });
+      return (r.R.transpose() * ldot - h.tail<3>()).norm();
+    };
+    const auto of_map = [&](const HingeInstance::Along& a) {
+      const MatrixXd Hdot = a.rate([](const Record& x) { return x.Ht; });
+      return (Hdot * v - r.Hdot_v).norm();
+    };
     const double map = r.Ht.norm(), turn = map * rate;  // sizes of Ht and of its derivative
-    const MatrixXd Hdot = of_v.rate([](const Record& x) { return x.Ht; });
-    law("Hdot_v = (d/dt Ht) v", (Hdot * v - r.Hdot_v).norm(), 1e-9, turn * v.norm() + r.Hdot_v.norm());
+    law_of_rates("angular part of Ht v = vee(R* dR/dt)", along_v, angular, h.norm());
+    law_of_rates("linear part of Ht v = R* dl/dt", along_v, linear, h.norm() + l * rate);
+    law_of_rates("Hdot_v = (d/dt Ht) v", along_v, of_map, turn * v.norm() + r.Hdot_v.norm());
     const VectorXd qdot = hinge.qdot(q, v), qdot_u = hinge.qdot(q, u);
     law("qdot is linear in v", (hinge.qdot(q, v + 2.0 * u) - qdot - 2.0 * qdot_u).norm(), 1e-12, qdot.norm() + qdot_u.norm());
     if (f_.nq == f_.nv && f_.nv > 0) law(kRates, (qdot - v).norm(), 1e-12, v.norm());
@@ -314,7 +338,7 @@ std::vector<std::string> hinge_table_faults(const cardan_hinge_family& f) {
   table.expect(f.nv <= 6 && f.nq >= f.nv && f.nq <= kMostCoordinates, "nq, nv",
                fmt::format("nq = {}, nv = {}, expected nv <= 6 and nv <= nq <= {}", f.nq, f.nv, kMostCoordinates));
   table.expect(f.params_size <= kMostBytes, "params_size", fmt::format("{}, expected at most {} bytes", f.params_size, kMostBytes));
-  table.expect(f.nq == f.nv || (f.retract && f.difference && f.normalise && f.zero), "zero, normalise, retract, difference",
+  table.expect(f.nq <= f.nv || (f.retract && f.difference && f.normalise && f.zero), "zero, normalise, retract, difference",
                "null, and nq > nv needs all four");
   expect_shape(table, f);
   if (!table.good()) return table.take();  // counts to go by

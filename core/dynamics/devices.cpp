@@ -121,6 +121,11 @@ void DeviceForces::alter(std::vector<AlteredPort> inputs, std::vector<AlteredPor
     }
 }
 
+void DeviceForces::alter(bool input, const AlteredPort& port) {
+  auto& all = !input ? altered_out_ : model_.devices.from[port.index] < 0 ? altered_commands_ : altered_in_;
+  *std::ranges::find(all, port.index, &AlteredPort::index) = port;
+}
+
 void DeviceForces::take_commands(const DeviceForces& other) {
   commands = other.commands;
   if (altered_commands_.empty() && altered_in_.empty() && altered_out_.empty() && other.altered_commands_.empty() &&

@@ -54,6 +54,8 @@ class DeviceForces : public StateLoads<double> {
 
   /// Ports with faults from the next evaluation on, and no others; each once.
   void alter(std::vector<AlteredPort> inputs, std::vector<AlteredPort> outputs);
+  /// One of these inputs or outputs with other numbers.
+  void alter(bool input, const AlteredPort& port);
   /// Commands and faults of another one of the same model.
   void take_commands(const DeviceForces& other);
 

@@ -266,7 +266,7 @@ class LoopCompiler {
     if (found.v < 0) {
       const BodySpec* body = spec_.find(term.target.substr(0, term.target.find('.')));
       const bool locked = body && body->hinge.locked, loose = body && flies(body->hinge);
-      report(Code::unknown_name, given, key,
+      report(locked || loose ? Code::bad_loop : Code::unknown_name, given, key,
              legal.empty() ? std::string("a coordinate of a hinge, of which there is none that moves")
                            : "a coordinate of a hinge: " + one_of(legal),
              fmt::format("{}{}", in_quotes(term.target),

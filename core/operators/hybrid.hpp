@@ -11,7 +11,7 @@ namespace cardan::operators {
 /// What is known of a velocity component.
 enum class Drive : std::uint8_t {
   forced,      ///< its force tau
-  passive,     ///< its force, 0: no actuator (springs and dampers are in the bias)
+  passive,     ///< its force, 0: no actuator; a hinge with a spring or damper is `forced`, by these
   prescribed,  ///< its acceleration v'
   locked       ///< its acceleration, 0; it must stand still
 };

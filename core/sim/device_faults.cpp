@@ -125,8 +125,11 @@ double Simulation::next_fault() const {
 void Simulation::alter_ports() {
   if (!devices_) return;
   std::vector<AlteredPort> inputs, outputs;
-  for (const RunningFault& f : faults_)
-    if (const Device* d = device_of(*this, f); d && f.begun) (f.input ? inputs : outputs).push_back(f.altered(index_of(*d, f)));
+  for (RunningFault& f : faults_)
+    if (const Device* d = device_of(*this, f); d && f.begun) {
+      f.key = noise_key(options_.seed, "fault of " + told_port(f));
+      (f.input ? inputs : outputs).push_back(f.altered(index_of(*d, f)));
+    }
   devices_->alter(std::move(inputs), std::move(outputs));
 }
 
@@ -148,10 +151,10 @@ void Simulation::draw_faults(int index, bool inputs) {
       continue;
     }
     double drawn[2];
-    normal_noise(noise_key(options_.seed, "fault of " + told_port(f)), static_cast<std::uint64_t>(tick_), 2, drawn);
+    normal_noise(f.key, static_cast<std::uint64_t>(tick_), 2, drawn);
     f.drawn = f.noise * drawn[0];
     f.lost = std::erfc(-drawn[1] / std::numbers::sqrt2) < 2.0 * f.drop;
-    alter_ports();
+    devices_->alter(f.input, f.altered(port));
     renew(f);
     if (inputs && !f.lost) observe(), f.kept = devices_->input(port);
   }

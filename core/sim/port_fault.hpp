@@ -1,6 +1,8 @@
 #pragma once
 // Faults of ports: whoever reads a port gets another number than the one that is there, from one instant to another.
 // docs/mathematics/devices.md, "Faults of ports".
+#include <array>
+#include <cstdint>
 #include <limits>
 #include <optional>
 
@@ -31,9 +33,10 @@ struct PortFault {
 /// A fault in a run.
 struct RunningFault : PortFault {
   bool begun = false;
-  bool lost = false;   // the last tick was
-  double drawn = 0.0;  // of the noise, at the last tick
-  double kept = 0.0;   // what it is stuck at; what was there before a tick that is lost
+  bool lost = false;                   // the last tick was
+  double drawn = 0.0;                  // of the noise, at the last tick
+  double kept = 0.0;                   // what it is stuck at; what was there before a tick that is lost
+  std::array<std::uint32_t, 2> key{};  // of what is drawn, by the names of device and port: from the beginning on
   AlteredPort altered(int index) const;
   void remember(Archive& archive);
 };

@@ -26,8 +26,12 @@ int component(lua_State* L, int arg, const std::vector<std::string>& names, cons
       if (names[i] == name || (u.nq == u.nv && (u.q_names[i] == name || u.v_names[i] == name))) return static_cast<int>(i);
   }
   const std::string word = type == LUA_TSTRING ? lua_tostring(L, arg) : "";
-  refuse(L, Code::unknown_name, "hinge of " + body, n == 0 ? "a hinge that moves" : fmt::format("1 to {}, or a name: {}", n, listed(names)),
-         type == LUA_TNONE ? "the first component" : describe_value(L, arg), did_you_mean(word, names));
+  refuse(L, n == 0 ? Code::lua_argument : Code::unknown_name, "hinge of " + body,
+         n == 0 ? "a hinge that moves" : fmt::format("1 to {}, or a name: {}", n, listed(names)),
+         n == 0              ? body + ", which does not"
+         : type == LUA_TNONE ? "the first component"
+                             : describe_value(L, arg),
+         did_you_mean(word, names));
 }
 
 /// A hinge that is held has its coordinates, and rates of zero.

@@ -142,6 +142,9 @@ int vehicle_lock(lua_State* L) {
   if (body.hinge.locked == kLock || !family || family->nv == 0)
     refuse(L, Code::other_vehicle, kWhat, kLock ? "a hinge that moves" : "a hinge that is locked and has coordinates",
            fmt::format("that of {}, {}{}", body.name, body.hinge.type, body.hinge.locked ? ", locked" : ""));
+  if (kLock && !body.hinge.prescribed.empty())
+    refuse(L, Code::other_vehicle, kWhat, "a hinge whose motion is not given", fmt::format("that of {}, which is prescribed", body.name),
+           "a profile that holds it: profile { hold = 0 }");
   want(L, s, "bodies." + body.name + ".hinge.locked", kLock ? "true" : "false", (kLock ? "lock " : "unlock ") + body.name);
   return 0;
 }

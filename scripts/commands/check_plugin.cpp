@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <filesystem>
 
+#include "bodies/register.hpp"
 #include "core/abi/kinds.hpp"
 #include "core/abi/plugin_host.hpp"
 #include "core/abi/plugin_record.hpp"
@@ -11,6 +12,8 @@
 #include "core/io/result_folder.hpp"
 #include "core/io/sha256.hpp"
 #include "core/soa/kernels.hpp"
+#include "hinges/register.hpp"
+#include "plugins/devices/register.hpp"
 #include "scripts/commands/commands.hpp"
 
 namespace cardan {
@@ -135,6 +138,21 @@ void write_examination(const Arguments& a, const Examination& e) {
   if (!a.out.empty()) write_whole_file(a.out, a.out.ends_with(".json") ? json_text_with_nulls(page) : text_of(page));
 }
 
+/// The table of types refuses what is taken, by a type of the program or by one of the same plugin: told here and not by the first run.
+void expect_free_types(const std::string& plugin, std::vector<PluginFamily>& families) {
+  Registry registry;
+  register_hinges(registry), register_bodies(registry), register_devices(registry);
+  for (PluginFamily& f : families) {
+    if (!f.violations.empty()) continue;
+    try {
+      f.kind->add(registry, f.family, plugin);
+    } catch (const InputError& error) {
+      const Diagnostic& why = error.diagnostics().front();
+      f.violations.push_back(fmt::format("type: expected {}, got {}; {}", why.expected, why.got, why.hint));
+    }
+  }
+}
+
 int check_plugin(const Arguments& a) {
   Examination e;
   try {
@@ -146,6 +164,7 @@ int check_plugin(const Arguments& a) {
     if (std::filesystem::is_regular_file(a.plugin, none)) write_examination(a, e);
     throw;
   }
+  expect_free_types(a.plugin, e.families);
   for (const PluginFamily& f : e.families) {
     if (a.json) break;
     fmt::print("{:<6}{} {}: {}\n", f.violations.empty() ? "ok" : "FAIL", f.kind->word, f.type, summary_of(f));

@@ -4,8 +4,33 @@
 
 #include <CLI/CLI.hpp>
 #include <algorithm>
+#include <charconv>
+#include <limits>
+
+#include "core/base/units.hpp"
 
 namespace cardan {
+
+namespace {
+/// A number that an option cannot take is told as other wrong values are. CLI11, which reads it next, would take -3 for 2^64 - 3, and 010
+/// for 8.
+template <class T>
+CLI::Option* number(CLI::Option* option, const std::string& expected, T least, T most, const std::string& range = {}) {
+  const auto read = [=](const std::string& word) {
+    T value{};
+    const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), value);
+    const bool whole = error == std::errc{} && end == word.data() + word.size();
+    if (!parse_number(word) || (std::is_integral_v<T> && !whole) || value < least || value > most)
+      refuse(Code::command_line, {option->get_name()}, expected, in_quotes(word));
+    return std::string();
+  };
+  return option->check(read, range);
+}
+template <class T>
+CLI::Option* number(CLI::Option* option, const std::string& expected) {
+  return number(option, expected, std::numeric_limits<T>::lowest(), std::numeric_limits<T>::max());
+}
+}  // namespace
 
 Argument& Argument::type_name(const char* type) {
   option_->type_name(type);
@@ -16,7 +41,8 @@ Argument& Argument::required(bool is) {
   return *this;
 }
 Argument& Argument::between(int least, int most) {
-  option_->check(CLI::Range(least, most));
+  const std::string range = fmt::format("{} to {}", least, most);
+  number(option_, "a whole number from " + range, least, most, range);
   return *this;
 }
 Argument& Argument::split_at_commas() {
@@ -41,11 +67,13 @@ Argument Command::option(const char* names, std::vector<std::string>& value, con
 }
 Argument Command::option(const char* names, int& value, const char* what) { return Argument(*app_->add_option(names, value, what)); }
 Argument Command::option(const char* names, std::uint64_t& value, const char* what) {
-  return Argument(*app_->add_option(names, value, what));
+  return Argument(*number<std::uint64_t>(app_->add_option(names, value, what), "a whole number from 0 to 18446744073709551615"));
 }
-Argument Command::option(const char* names, double& value, const char* what) { return Argument(*app_->add_option(names, value, what)); }
+Argument Command::option(const char* names, double& value, const char* what) {
+  return Argument(*number<double>(app_->add_option(names, value, what), "a number"));
+}
 Argument Command::option(const char* names, std::optional<double>& value, const char* what) {
-  return Argument(*app_->add_option(names, value, what));
+  return Argument(*number<double>(app_->add_option(names, value, what), "a number"));
 }
 void Command::flag(const char* names, bool& value, const char* what) { app_->add_flag(names, value, what); }
 

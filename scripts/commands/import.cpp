@@ -66,8 +66,17 @@ std::shared_ptr<const Model> tried(const Imported& imported, const std::string& 
   }
 }
 
+/// A pipe may come from a program that expands macros, and is waited for; what else is no file has no text that ends.
+void expect_text(const std::string& file) {
+  std::error_code none;
+  const fs::file_status is = fs::status(file, none);
+  if (fs::exists(is) && !fs::is_regular_file(is) && !fs::is_fifo(is))
+    refuse(Code::file_not_found, {"", {file}}, "a file or a pipe", fs::is_directory(is) ? "a folder" : "a device or a socket");
+}
+
 int import_file(const ImportArguments& a) {
   const ImportOptions options = options_of(a);
+  expect_text(a.file);
   const Imported imported = import_robot(read_text_file(a.file), a.file, options);
   const fs::path out = a.out.empty() ? fs::path(a.file).stem().concat(".yaml") : fs::path(a.out);
   std::error_code ignored;
@@ -88,7 +97,9 @@ int import_file(const ImportArguments& a) {
 void add_import(CommandLine& line) {
   Command& command = line.command("import", "Write a vehicle from a robot description: URDF or MJCF");
   auto a = std::make_shared<ImportArguments>();
-  command.option("file", a->file, "The robot: a URDF or MJCF file, told by its root element").required().type_name("ROBOT");
+  command.option("file", a->file, "The robot: a URDF or MJCF file, told by its root element; /dev/stdin for what a pipe brings")
+      .required()
+      .type_name("ROBOT");
   command
       .option("--out", a->out, "The vehicle file (default: the name of the robot file with .yaml, in this folder, if it is not there yet)")
       .type_name("VEHICLE");

@@ -184,6 +184,18 @@ TEST_P(ARun, WithDevicesAndFieldsAllocatesNothing) {
   EXPECT_EQ(mallocs_in([&] { sim.run(1.0); }), 0);
   EXPECT_FALSE(sim.state().marks == before);
 }
+/// Noise and losses are drawn at the ticks of a device, of what it reads and of what it gives.
+TEST_P(ARun, WithFaultsOfPortsAllocatesNothing) {
+  SimulationOptions run;
+  run.integrator.method = GetParam();
+  if (run.integrator.method == "rk4") run.integrator.fixed_step = 2e-3;
+  Simulation sim(equipped(), run);
+  const auto device = [&](const char* name) { return sim.model().devices.find(name); };
+  sim.fault({.device = device("law"), .input = true, .noise = 1e-3, .drop = 0.2});
+  sim.fault({.device = device("imu"), .scale = 1.1, .noise = 1e-3});
+  sim.run(0.3);
+  EXPECT_EQ(mallocs_in([&] { sim.run(1.0); }), 0);
+}
 /// What only looks lies inside of steps, and an event is looked for among its instants.
 TEST_P(ARun, WithRowsInsideOfStepsAllocatesNothing) {
   const RandomTree tree = random_tree(3, {.bodies = 8, .flexible = 0.6, .level = 1, .springs = true});

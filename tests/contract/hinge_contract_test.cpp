@@ -55,6 +55,27 @@ struct WrongSign {
   }
 };
 
+// Singular at 0.5 m, where no difference tells the slope; one part in `wrong` is wrong beside it.
+template <int wrong>
+struct Singular : WrongSign {
+  static constexpr const char* type = "test/singular";
+  static void kinematics(const Packed&, const double* q, const double* v, HingeOut<1>& out) noexcept {
+    const double x = q[0] - 0.5;
+    out.p_OP = Eigen::Vector3d(std::log(std::abs(x)), 0, 0);
+    out.Ht[3] = (wrong ? 1.0 + 1.0 / wrong : 1.0) / x;
+    out.Hdot_v[3] = -v[0] * v[0] / (x * x);
+  }
+};
+
+TEST(HingeLaws, TellASingularPointFromAWrongHinge) {
+  for (const std::uint64_t seed : {1, 2, 3}) {
+    const auto none = hinge_law_violations(hinge_table<Singular<0>>(), 1000, seed);
+    EXPECT_TRUE(none.empty()) << none.front();
+    EXPECT_GT(hinge_law_violations(hinge_table<Singular<1000000>>(), 1000, seed).size(), 990u);
+  }
+  EXPECT_TRUE(hinge_law_violations(hinge_table<WrongSign>(), 1, 1).front().ends_with("(limit 1e-09, sample 0, q = [0])"));
+}
+
 TEST(HingeLaws, RefuseAMapOfTheWrongSign) { EXPECT_FALSE(hinge_law_violations(hinge_table<WrongSign>()).empty()); }
 
 }  // namespace

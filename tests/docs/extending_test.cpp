@@ -48,6 +48,12 @@ TEST(ExtendingPages, TheOutputChannelGivesItsNumber) {
   out.fill(&x);
   EXPECT_DOUBLE_EQ(x, 3.0);
   EXPECT_EQ(out.channel.path, "nodes/stone/altitude");
+  SystemSpec more = *s->model->spec;  // another body in front of it, 20 m from the origin: its node has another index
+  more.bodies.insert(more.bodies.begin(), more.bodies[0]);
+  more.bodies[0].name = "pebble", more.bodies[0].hinge.q = {20, 0, 0};
+  s->sim->adopt(compile(more, s->registry));
+  out.fill(&x);
+  EXPECT_DOUBLE_EQ(x, 3.0);
 }
 
 TEST(ExtendingPages, TheAccessorAnswersAndRefuses) {

@@ -107,6 +107,16 @@ TEST(CommandLine, RefusesAnEmptyValue) {
   EXPECT_EQ(error_of({"run", "drive", "--out", ""})["got"], "--out: an empty word where a value is expected");
 }
 
+TEST(CommandLine, SaysWhichNumbersItTakes) {
+  const std::pair<std::vector<std::string>, std::string> answers[] = {
+      {{"run", "--until", "abc"}, "  at: --until\n  expected: a number\n  got:      \"abc\"\n"},
+      {{"run", "--until", "nan"}, "  expected: a number\n  got:      \"nan\"\n"},
+      {{"regress", "x", "--jobs", "0"}, "  at: --jobs\n  expected: a whole number from 1 to 1024\n  got:      \"0\"\n"},
+      {{"regress", "x", "--jobs", "010"}, "  expected: a whole number from 1 to 1024\n  got:      \"010\"\n"},
+      {{"check-plugin", "x", "--seed", "-3"}, "  expected: a whole number from 0 to 18446744073709551615\n  got:      \"-3\"\n"}};
+  for (const auto& [words, answer] : answers) EXPECT_TRUE(has(run_program(words, ".").err, answer)) << run_program(words, ".").err;
+}
+
 TEST(CommandLine, HelpKnowsEveryCommand) {
   for (const std::string& name : commands()) {
     const Finished help = cardan({"help", name});

@@ -1,7 +1,10 @@
 // `cardan import` as a user runs it: what it writes loads, is checked and runs; what it says; what it does not overwrite.
 #include <gtest/gtest.h>
+#include <sys/stat.h>
 
 #include <filesystem>
+#include <fstream>
+#include <thread>
 
 #include "tests/scripts/run_program.hpp"
 
@@ -78,6 +81,19 @@ loops:
     terms: {finger_2: 1, finger_1: 0.5}
     offset: 0.01
 )");
+}
+
+TEST(Import, ReadsAPipeToItsEndAndNoDevice) {
+  const TemporaryFolder dir;
+  const std::string pipe = dir / "pipe";
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  std::thread writer([&] { std::ofstream(pipe) << file_text(kImportRobots + "double_pendulum.urdf"); });
+  const Finished piped = run_program({"import", "pipe", "--out", "b.yaml"}, dir.path());
+  writer.join();
+  EXPECT_EQ(piped.exit_code, 0) << piped.err;
+  EXPECT_TRUE(has(piped.out, "b.yaml: 2 bodies, 2 coordinates")) << piped.out;
+  EXPECT_TRUE(has(run_program({"import", "/dev/null"}, dir.path()).err, "expected: a file or a pipe\n  got:      a device or a socket\n"));
+  EXPECT_TRUE(has(run_program({"import", "."}, dir.path()).err, "got:      a folder\n"));
 }
 
 TEST(Import, TakesItsOptions) {

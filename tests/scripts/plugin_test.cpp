@@ -234,6 +234,23 @@ TEST(Plugins, AreRefusedWithTheseWords) {
                 end);
 }
 
+TEST(Plugins, WithATypeThatIsTakenAreToldSoBeforeTheFirstRun) {
+  const PluginFolder dir;
+  EXPECT_TRUE(has(with_fault("taken_type", {"check", "."}, dir.path()).err, "error[C0207]: name used twice\n  --> ./p.so\n"));
+  const Finished alone = with_fault("taken_type", {"check-plugin", "p.so"}, dir.path());
+  EXPECT_EQ(alone.exit_code, 1);
+  EXPECT_EQ(alone.out,
+            "FAIL  hinge prismatic: a slide along x\n"
+            "      type: expected a type that is not taken yet, got \"prismatic\"; prefix the type with the name of the plugin: "
+            "\"acme/...\"\n");
+}
+
+TEST(Plugins, WithMoreRatesThanSixAreToldThatAlone) {
+  const PluginFolder dir;
+  EXPECT_EQ(with_fault("seven_rates", {"check-plugin", "p.so"}, dir.path()).out,
+            "FAIL  hinge no. 0: its table is refused\n      nq, nv: nq = 1, nv = 7, expected nv <= 6 and nv <= nq <= 64\n");
+}
+
 TEST(Plugins, MaySaySomething) {
   const PluginFolder dir;
   const Finished check = with_fault("talks", {"check-plugin", "p.so"}, dir.path());

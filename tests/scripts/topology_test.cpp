@@ -506,7 +506,7 @@ TEST(Topology, WhatCannotBeDoneIsTold) {
   told("sat:attach('bus', {to = 'tip', as_found = true})", 3, "closed loop");
   told("sat:attach('guest', {to = 'bus', type = 'ball', as_found = true})", 3, "a type, or as_found = true");
   told("sat:attach('guest', {to = 'bus', initial = {}})", 3, "a hinge without `initial` and `locked`");
-  told("sat:hinge('upper'):torque(1)", 3, "unknown name, at hinge of upper\n");
+  told("sat:hinge('upper'):torque(1)", 3, "wrong argument, at hinge of upper\n");
   told("sat:close 'dock'", 3, "the ends of a loop do not meet, at loops.dock");
 }
 
@@ -519,6 +519,7 @@ bodies:
   drum: {mass: 1, inertia: [0.1, 0.2, 0.2], hinge: {type: revolute, axis: [1, 0, 0], to: bus.p}}
   dust: {type: particle, mass: 0.5, hinge: {type: locked, to: {body: drum, position: [0, 0.4, 0]}}}
   guest: {mass: 1, inertia: [0.1, 0.2, 0.2], hinge: {type: revolute, axis: [1, 0, 0], to: {body: bus, position: [0, 1, 0]}}}
+  fan: {mass: 1, inertia: [0.1, 0.1, 0.2], hinge: {type: revolute, axis: [0, 0, 1], to: bus, prescribed: true}}
 loops:
   gear: {type: coupling, terms: {motor: 1, drum: -5}}
   stay: {type: plane, from: bus, to: guest}
@@ -532,9 +533,11 @@ loops:
     EXPECT_NE(done.err.find(hint), std::string::npos) << call << "\n" << done.err;
   };
   told("sat:lock 'drum'", "\"drum\", whose hinge is locked", "sat:open in a mission");
+  told("sat:lock 'drum'", "a loop that closes nothing, at loops.gear.terms.drum\n", "got:      \"drum\", whose hinge is locked");
   told("sat:detach 'drum'", "\"drum\", which flies freely", "sat:open in a mission");
   told("sat:lock 'guest'", "which are fixed to each other", "sat:open in a mission");
   told("sat:detach 'dust'", "dust, a particle", "translational");
+  told("sat:lock 'fan'", "a model that the run cannot go on with, at vehicle:lock\n", "that of fan, which is prescribed");
   const Finished done =
       mission(dir,
               "phase { name = 'a', duration = 1, exit_ = function() sat:attach('dust', {to = {body = 'world', orientation = "

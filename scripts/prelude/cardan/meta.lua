@@ -868,7 +868,7 @@ function Operators:momentum_sharing(v) end
 --- Inertia felt at each component.
 ---@return { others_locked: Vector, outboard_free: Vector, others_free: Vector } inertia
 function Operators:reflected_inertia() end
---- C - gravity - elastic forces at these velocities: forces at v' = 0.
+--- C - gravity - elastic forces of modes at these velocities: forces at v' = 0, without springs and dampers of hinges.
 ---@param v Vector|number[] velocities
 ---@return Vector forces
 function Operators:bias(v) end

@@ -83,9 +83,10 @@ extern "C" CARDAN_EXPORT const cardan_plugin* cardan_plugin_entry(const cardan_h
   if (host->service(host, "no such service") != nullptr) std::abort();
   slide = {};
   slide.struct_size = fault("short_table") ? 40 : sizeof slide;
-  slide.type = fault("null_type") ? nullptr : "faulty/slide";
+  slide.type = fault("null_type") ? nullptr : fault("taken_type") ? "prismatic" : "faulty/slide";
   slide.summary = "a slide along x";
   slide.nq = slide.nv = 1;
+  if (fault("seven_rates")) slide.nv = 7;
   slide.shape = CARDAN_SHAPE_DENSE;
   slide.params_size = fault("small_params") ? 0 : sizeof(double);
   slide.params = fault("null_params") ? nullptr : schema;
