@@ -40,7 +40,7 @@ TEST(ConstantVelocity, ShaftsTurnAlikeAtAnyTilt) {
   for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers})
     for (const double tilt : {0.02, 0.7, 1.4}) {
       SimulationOptions options;
-      options.integrator.method = "dop853", options.integrator.relative = 1e-12;
+      options.integrator.method = "dop853", options.integrator.relative_tolerance = 1e-12;
       Simulation sim(compiled(shafts(tilt, form)), options);
       const double energy = sim.energy().total();
       sim.set_force(0, 0.1);
