@@ -115,7 +115,7 @@ void CompoundTree::close(const double* q, const LoopDrive* drives, bool at_start
           }
           for (const NodeWrench& w : pass.wrenches_of(loop, ws_.loops->W[i])) {
             VectorXd f = open_.Bt(w.node).transpose() * to_eigen(w.f);
-            for (int k = open_.index_of(m.nodes[w.node].sweep); k >= 0 && of_body_[k] == static_cast<int>(c);) {
+            for (int k = open_.index_of(m.nodes[w.node].sweep); k >= 0;) {  // from a body, too, that is held on the way and has no rates
               const OperatorBody& b = open_.bodies()[k];
               const VectorXd h = open_.Ht_all(k).transpose() * f;
               for (int j = 0; j < b.nh + b.m; ++j)

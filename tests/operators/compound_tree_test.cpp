@@ -175,6 +175,20 @@ TEST(CompoundTree, InverseOfTheMassMatrix) {
 }
 
 // v' = X v_I' + X' v_I with v_I' = M_c^-1 X* (tau - C - M X' v_I): the whole of forward dynamics as one expression.
+/// Trees in which a loop begins at a body that is locked to one that bends: it has no rates, and moves with the modes of the other.
+TEST(CompoundTree, ALoopMayBeginAtABodyThatIsHeldToOneThatBends) {
+  for (const unsigned seed : {69u, 90u, 150u, 170u, 234u}) {
+    const RandomTree tree = random_tree(seed, {.bodies = 6, .roots = 1, .flexible = 0.5});
+    Loaded closed(cut(tree, seed % 3).closed);
+    CompoundTree ops(closed.model);
+    ops.at(closed.state.q.data());
+    ops.articulate();
+    VectorXd v(ops.size(Space::hinge));
+    for (Eigen::Index i = 0; i < v.size(); ++i) v[i] = closed.state.v[ops.independent()[static_cast<std::size_t>(i)]];
+    EXPECT_LT(distance(VectorXd(apply(X, ops, v)), closed.state.v), 1e-12 * largest(closed.state.v)) << seed << "\n" << describe(tree);
+  }
+}
+
 TEST(CompoundTree, AccelerationsByTheExpressionAreThoseOfForwardDynamics) {
   for (TreeOptions options : kinds_of_trees()) {
     options.roots = 1;
