@@ -4,10 +4,18 @@
 #include <Eigen/Geometry>
 #include <cmath>
 
+#include "core/abi/family.hpp"
+
 namespace cardan {
 
 /// Two successive rotations about such axes (unit vectors) are one: the hinge's inertia would lose ten digits.
 inline bool nearly_parallel(const Eigen::Vector3d& a, const Eigen::Vector3d& b) { return a.cross(b).norm() < 1e-5; }
+
+/// `axes` of a hinge type that takes two orthogonal ones; false: told.
+inline bool orthogonal_axes(const Params& params, Eigen::Vector3d& e1, Eigen::Vector3d& e2) {
+  e1 = params.vector("axes", 0), e2 = params.vector("axes", 1);
+  return std::abs(e1.dot(e2)) <= 1e-6 || params.fail("axes", "two orthogonal vectors");
+}
 
 /// exp(u~ q), u of unit length (Rodrigues).
 inline Eigen::Matrix3d rotation_about_axis(const Eigen::Vector3d& u, double q) {

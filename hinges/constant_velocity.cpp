@@ -3,6 +3,7 @@
 #include <cmath>
 
 #include "core/abi/family.hpp"
+#include "hinges/axes.hpp"
 
 namespace cardan {
 namespace {
@@ -13,7 +14,7 @@ struct ConstantVelocity {
   static constexpr int nq = 2, nv = 2;
   static constexpr auto shape = CARDAN_SHAPE_DENSE;
   struct Packed {
-    double e[6];
+    double E[9];  // e1, e2, n: orthonormal, or R would be no rotation
   };
   static constexpr cardan_param_desc schema[] = {
       param::required("axes", CARDAN_UNIT_VECTORS, "1", "two orthogonal axes across the shafts, in the axes of the hinge nodes", 2)};
@@ -23,10 +24,10 @@ struct ConstantVelocity {
   static constexpr const char* v_units[] = {"rad/s", "rad/s"};
 
   static bool pack(const Params& params, Packed& p) {
-    const Eigen::Vector3d e1 = params.vector("axes", 0), e2 = params.vector("axes", 1);
-    if (std::abs(e1.dot(e2)) > 1e-6) return params.fail("axes", "two orthogonal vectors");
-    Eigen::Map<Eigen::Vector3d>(p.e) = e1;
-    Eigen::Map<Eigen::Vector3d>(p.e + 3) = e2;
+    Eigen::Vector3d e1, e2;
+    if (!orthogonal_axes(params, e1, e2)) return false;
+    const Eigen::Vector3d n = e1.cross(e2).normalized();
+    Eigen::Map<Eigen::Matrix3d>(p.E) << e1, n.cross(e1), n;
     return true;
   }
 
@@ -55,9 +56,7 @@ struct ConstantVelocity {
   /// omega = (1 - c_2 theta~ + c_3 theta~^2) theta', P axes. With theta x theta' = s n, n = e1 x e2: of theta'' only the columns of H* are
   /// left, as s' has q1 q2'' - q2 q1'' alone; c_2' = (2 c_4 - c_3) u' / 2, c_3' = (3 c_5 - c_4) u' / 2.
   static void kinematics(const Packed& p, const double* q, const double* v, HingeOut<2>& out) noexcept {
-    Eigen::Matrix3d E;  // e1, e2, n
-    E.leftCols<2>() = Eigen::Map<const Eigen::Matrix<double, 3, 2>>(p.e);
-    E.col(2) = E.col(0).cross(E.col(1));
+    const Eigen::Map<const Eigen::Matrix3d> E(p.E);
     const double a = q[0], b = q[1];
     const auto& c = Coefficients(a * a + b * b).c;
     Eigen::Matrix3d R, H;  // in these axes; H: of theta'

@@ -22,8 +22,8 @@ struct Planar {
   static constexpr const char* v_units[] = {"m/s", "m/s", "rad/s"};
 
   static bool pack(const Params& params, Packed& p) {
-    const Eigen::Vector3d e1 = params.vector("axes", 0), e2 = params.vector("axes", 1);
-    if (std::abs(e1.dot(e2)) > 1e-6) return params.fail("axes", "two orthogonal vectors");
+    Eigen::Vector3d e1, e2;
+    if (!orthogonal_axes(params, e1, e2)) return false;
     Eigen::Map<Eigen::Vector3d>(p.e) = e1;
     Eigen::Map<Eigen::Vector3d>(p.e + 3) = e2;
     return true;

@@ -43,6 +43,7 @@ Mat3X<T> hinge_axes(const HingeSpec& hinge) {
     const auto& flat = std::get<std::vector<double>>(it->second.value);
     Mat3X<T> out = Eigen::Map<const Eigen::Matrix3Xd>(flat.data(), 3, flat.size() / 3).cast<T>();
     out.colwise().normalize();
+    if (hinge.type == "constant_velocity") out.col(1) = (out.col(1) - out.col(0) * out.col(0).dot(out.col(1))).normalized();
     return out;
   }
   return Mat3X<T>(3, 0);
@@ -156,7 +157,7 @@ DenseLoop<T> dense_loop(const DenseModel<T>& model, const LoopSpec& spec) {
   loop.name = spec.name;
   loop.shape.type = spec.type;
   HingeSpec hinge;
-  hinge.params = spec.params;
+  hinge.type = spec.type, hinge.params = spec.params;
   loop.shape.axes = hinge_axes<T>(hinge);
   if (const auto it = spec.params.find("pitch"); it != spec.params.end()) loop.shape.pitch = T(std::get<double>(it->second.value));
   loop.length = T(spec.length), loop.offset = T(spec.offset);

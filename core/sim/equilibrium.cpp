@@ -7,6 +7,7 @@
 #include <optional>
 
 #include "core/base/diagnostic.hpp"
+#include "core/base/poll.hpp"
 #include "core/linalg/dense.hpp"
 #include "core/model/components.hpp"
 #include "core/operators/linear_model.hpp"
@@ -23,8 +24,9 @@ using Eigen::VectorXd;
 constexpr double kTied = 1e-9;     // singular values of what loops tie to what stands, over the largest
 constexpr double kNeutral = 1e-9;  // an eigenvalue, over the largest, that counts as zero
 constexpr int kParts = 4;          // of a step of Newton, each half of the one before
-constexpr int kDamped = 10;
-constexpr double kDamping = 1e-4;
+constexpr int kDamped = 10;        // damped steps
+constexpr double kDamping = 1e-4;  // of the first of them, over what is left of r
+constexpr double kTurning = 1e-6;  // rates of loops that cannot be at rest, over the largest rate, or 1
 constexpr double kStalled = 1e-8;  // where nothing comes nearer: what is left, as a displacement, that is rounding
 
 double largest(const VectorXd& x) { return x.size() > 0 ? x.lpNorm<Eigen::Infinity>() : 0.0; }
@@ -88,10 +90,14 @@ class Search {
     for (int v = 0; v < m_.nv; ++v)
       if (moves_[static_cast<std::size_t>(v)]) at.v[v] = 0.0;
     if (!place(at)) trial_.set_state(at), trial_.vdot();  // throws what is wrong with the start
+    if (const double turning = largest(trial_.state().v - at.v); turning > kTurning * std::max(1.0, largest(at.v)))
+      refuse(Code::unsupported, {"equilibrium.move"}, "loops that let what may move be at rest while all others keep their rates",
+             fmt::format("rates that loops change by {:.3g}", turning), "name more of those of the loops, or stop what turns them");
     VectorXd went = VectorXd::Zero(m_.nv), sizes;
     double out_of_reach = 0.0;
     bool settled = false, nearer = true;
     while (!settled && nearer && out.iterations < options.iterations) {
+      Poll::now();
       ++out.iterations;
       Slope slope = slope_here();
       slope.set_sizes(sizes);

@@ -54,5 +54,25 @@ TEST(ConstantVelocity, ShaftsTurnAlikeAtAnyTilt) {
     }
 }
 
+/// Axes of a file are orthogonal to as many digits as it has; what turns by them is turned, not strained.
+TEST(ConstantVelocity, AxesThatAreAlmostOrthogonalTurnByARotation) {
+  BodySpec tilted =
+      on(rigid("tilted", 1.0, {0.1, 0.2, 0.3}, diagonal({0.02, 0.03, 0.04})), "", "constant_velocity", {{1, 0, 0}, {9e-7, 1, 0}});
+  tilted.hinge.q = {0.7, -0.9};
+  const auto model = compiled(system({tilted}));
+  Workspace ws(*model);
+  const State at = model->initial_state();
+  VectorXd vdot(model->nv);
+  const Inputs in{.q = at.q.data(), .v = at.v.data()};
+  ASSERT_TRUE(forward_dynamics(*model, ws, in, vdot.data()));
+  Observer seen(*model, ws);
+  seen.update(in, vdot.data());
+  const Eigen::Matrix3d R = seen.node(model->find_node("tilted")).R_WN;
+  EXPECT_LT((R.transpose() * R - Eigen::Matrix3d::Identity()).norm(), 1e-15);
+  SystemSpec joined = shafts(0.7, LoopForm::multipliers);
+  joined.loops[0].params = along({{1, 0, 0}, {9e-7, 1, 0}});
+  EXPECT_LT(forms_apart(joined, {}, {LoopForm::multipliers}), 1e-12);
+}
+
 }  // namespace
 }  // namespace cardan::test

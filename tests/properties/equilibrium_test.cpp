@@ -61,7 +61,8 @@ TEST(Equilibrium, IsTheNearestOneAlsoIfItIsNotStable) {
   EXPECT_NEAR(up.q[1], std::numbers::pi, 1e-14);
   sim.q(1) = 0.5 * std::numbers::pi;  // level: the slope of its weight is zero there
   const Equilibrium level = find_equilibrium(sim, {.move = {1}});
-  EXPECT_TRUE(!level.reached || std::abs(std::sin(level.q[1])) < 1e-14) << level.message;
+  EXPECT_TRUE(level.reached) << level.message;
+  EXPECT_LT(std::abs(std::sin(level.q[1])), 1e-14);
 }
 
 /// Round links on ball hinges hang straight, however each is turned about its own axis: no posture stands alone, and the slope has no
@@ -116,6 +117,36 @@ TEST(Equilibrium, RefusesWhatCannotMove) {
   EXPECT_EQ(refused({}), Code::missing_key);
   EXPECT_EQ(refused({7}), Code::out_of_range);
   EXPECT_EQ(refused({0}), Code::unsupported);  // its motion is given
+}
+
+/// Two cranks on the ground and two links between their tips: while one crank turns, the others cannot be at rest.
+TEST(Equilibrium, RefusesLoopsThatTurnWithWhatKeepsItsRate) {
+  const double rise = std::asin(std::sqrt(0.16 - 0.0625) / 0.4), quarter = 0.5 * std::numbers::pi;
+  std::vector<BodySpec> bodies;
+  const auto link = [&](const std::string& name, const std::string& onto, double length, double at, double angle) {
+    bodies.push_back(on(rigid(name, 1.0, {0.5 * length, 0, 0}, diagonal({0.002, 0.01, 0.01})), onto, "revolute", {{0, 0, 1}}, {at, 0, 0}));
+    bodies.back().hinge.q = {angle};
+  };
+  link("crank", "", 0.2, 0.0, quarter);
+  link("left", "crank", 0.4, 0.2, rise - quarter);
+  link("right", "left", 0.4, 0.4, -2.0 * rise);
+  link("other", "right", 0.2, 0.4, rise - quarter);
+  SystemSpec spec = system(bodies, uniform_gravity({0, -kWeight, 0}));
+  LoopSpec pivot;
+  pivot.name = "pivot", pivot.type = "point", pivot.from.position = {0.5, 0, 0};
+  pivot.to.body = "other", pivot.to.position = {0.2, 0, 0};
+  spec.loops = {pivot};
+  Simulation still(compiled(spec), {});
+  EXPECT_TRUE(find_equilibrium(still, {.move = {1, 2, 3}}).reached);
+  spec.bodies[0].hinge.v = {1.0};
+  Simulation turning(compiled(spec), {});
+  try {
+    find_equilibrium(turning, {.move = {1, 2, 3}});
+    ADD_FAILURE() << "it was taken";
+  } catch (const InputError& e) {
+    EXPECT_EQ(e.diagnostics().front().code, Code::unsupported);
+    EXPECT_NE(std::string(e.what()).find("while all others keep their rates"), std::string::npos) << e.what();
+  }
 }
 
 /// The largest v' of what moved, in the simulation itself.
