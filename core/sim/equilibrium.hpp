@@ -29,8 +29,9 @@ struct Equilibrium {
 /// else keeps coordinates and rates of now, and may accelerate: a vehicle that spins or is pushed bends as it does in a steady spin or
 /// push. Forces, loads and commands are those of now; springs, gravity, fields and devices follow the posture. Closed loops stay closed.
 /// Whether damping and what spins leave it stable the poles of linearize() tell there. That nothing is found is a result, not an exception.
-/// InputError C0301 for an index that there is not; C0401 for a component whose motion is given, where loops leave nothing free to move, and
-/// where they turn with what keeps its rate; NumericsError where the accelerations at the start cannot be found, and at a singular posture.
+/// InputError C0301 for an index that there is not; C0401 for a component whose motion is given, where loops leave nothing free to move,
+/// and where they turn with what keeps its rate; NumericsError where the accelerations at the start cannot be found, and at a singular
+/// posture.
 Equilibrium find_equilibrium(Simulation& sim, const EquilibriumOptions& options);
 
 }  // namespace cardan
