@@ -99,7 +99,9 @@ class Search {
     while (!settled && nearer && out.iterations < options.iterations) {
       Poll::now();
       ++out.iterations;
-      Slope slope = slope_here();
+      const std::optional<Slope> here = slope_beyond_start(out.iterations);
+      if (!here) break;
+      Slope slope = *here;
       slope.set_sizes(sizes);
       const VectorXd r = slope.r(trial_.vdot()), d = slope.along * slope.newton_step(r);
       if (!d.allFinite()) break;
@@ -130,6 +132,16 @@ class Search {
       return trial_.vdot().allFinite();
     } catch (const NumericsError&) {
       return false;
+    }
+  }
+
+  /// Nothing where a search has gone so far that derivatives drown in rounding; at its start that is thrown.
+  std::optional<Slope> slope_beyond_start(int iteration) {
+    try {
+      return slope_here();
+    } catch (const NumericsError&) {
+      if (iteration == 1) throw;
+      return std::nullopt;
     }
   }
 

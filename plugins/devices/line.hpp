@@ -6,17 +6,22 @@
 
 namespace cardan {
 
+/// Of the way to a node: nearer ones are where it is, as far as 53 bits tell, and a line between them would have any direction.
+inline constexpr double kOnePoint = 1e-14;
+
 template <class T>
 struct NodeLine {
-  Vec3<T> u;  // unit vector from the first to the second, world axes; 0 where the nodes are at one point
+  Vec3<T> u;  // unit vector from the first to the second, world axes; 0 where the nodes are at one point but for rounding
   T length, rate;
 };
 template <class T>
 NodeLine<T> line_between(const DeviceIn<T>& in) noexcept {
   using std::sqrt;
   const Vec3<T> d = in.at[1].position - in.at[0].position;
-  const T length = sqrt(dot(d, d));
-  const Vec3<T> u = length > T(0.0) ? (T(1.0) / length) * d : Vec3<T>{};
+  const T square = dot(d, d);
+  if (square < T(kOnePoint * kOnePoint) * dot(in.at[0].position, in.at[0].position) + T(1e-300)) return {{}, T(0.0), T(0.0)};
+  const T length = sqrt(square);
+  const Vec3<T> u = (T(1.0) / length) * d;
   return {u, length, dot(u, in.at[1].R_WN * in.at[1].velocity - in.at[0].R_WN * in.at[0].velocity)};
 }
 /// Towards each other with this tension.

@@ -249,7 +249,7 @@ TEST(Alloc, DiagonalisedDynamics) {
   for (const Dynamics dynamics : {Dynamics::diagonalised, Dynamics::diagonalised_rates})
     for (const int modes : {0, 8}) {
       const RandomTree tree = random_tree(
-          3, {.bodies = 8, .flexible = 0.6, .modes = modes, .prescribed = 0.1, .springs = true, .gravity = GravitySpec::Kind::central});
+          4, {.bodies = 8, .flexible = 0.6, .modes = modes, .prescribed = 0.1, .springs = true, .gravity = GravitySpec::Kind::central});
       SimulationOptions run;
       run.dynamics = dynamics;
       run.integrator.relative_tolerance = 1e-6;

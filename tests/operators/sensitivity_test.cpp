@@ -306,6 +306,15 @@ TEST(Sensitivity, InTheInertiaOfABody) {
         12);
 }
 
+/// Of the ten numbers that an inertia may be [Traversaro et al., IROS 2016: masses make [tr(J) / 2 - J, h; h*, m] positive]: each may
+/// change by as much and is an inertia still.
+double smallest_pseudo_inertia(const RigidInertia<double>& I) {
+  Eigen::Matrix4d S;
+  S << 0.5 * (I.J.yy + I.J.zz - I.J.xx), -I.J.xy, -I.J.xz, I.h.x, -I.J.xy, 0.5 * (I.J.xx + I.J.zz - I.J.yy), -I.J.yz, I.h.y, -I.J.xz,
+      -I.J.yz, 0.5 * (I.J.xx + I.J.yy - I.J.zz), I.h.z, I.h.x, I.h.y, I.h.z, I.m;
+  return singular_values(MatrixXd(S))[3];  // positive, so these are its eigenvalues
+}
+
 /// The same by models with another inertia of the body, in every kind of tree: merged bodies in a central field, wheels that cease to be
 /// wheels.
 TEST(Sensitivity, InTheInertiaOfABodyAgainstOtherModels) {
@@ -328,11 +337,12 @@ TEST(Sensitivity, InTheInertiaOfABodyAgainstOtherModels) {
             const RigidInertia<double>& I = m.user[b].M;
             MatrixXd want(m.nv, 10);
             VectorXd work(m.nv);
+            const double step = std::min(1e-3 * std::min({I.J.xx, I.J.yy, I.J.zz, I.m}), smallest_pseudo_inertia(I) / 16.0);
             for (int p = 0; p < 10; ++p)
               soa::derivative(
-                  [&](double step, double* out) {
+                  [&](double more, double* out) {
                     double x[10] = {I.m, I.h.x, I.h.y, I.h.z, I.J.xx, I.J.yy, I.J.zz, I.J.xy, I.J.xz, I.J.yz};
-                    x[p] += step;
+                    x[p] += more;
                     RandomTree moved = tree;
                     BodySpec& body = moved.spec.bodies[b];
                     body.mass = x[0];
@@ -343,9 +353,9 @@ TEST(Sensitivity, InTheInertiaOfABodyAgainstOtherModels) {
                     body.inertia_com = J - x[0] * (c.squaredNorm() * Eigen::Matrix3d::Identity() - c * c.transpose());
                     Eigen::Map<VectorXd>(out, m.nv) = Loaded(moved).inverse(vdot);
                   },
-                  1e-3 * (p == 0 ? I.m : std::min({I.J.xx, I.J.yy, I.J.zz})), m.nv, want.col(p).data(), work.data());
+                  step, m.nv, want.col(p).data(), work.data());
             // of a light body, differences of the forces of all others: round-off of tau over the step
-            const double noise = 1e-2 * largest(s.sens.tau()) / (1e-3 * std::min({I.J.xx, I.J.yy, I.J.zz, I.m}));
+            const double noise = 1e-2 * largest(s.sens.tau()) / step;
             worst = worse({worst, differ(got, want, noise), differ(M * forward, -got, largest(M) * largest(forward))});
           }
           return worst;

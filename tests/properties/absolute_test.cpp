@@ -99,6 +99,15 @@ TEST(Absolute, RowsAreTheDerivativesOfWhatTheyHold) {
   });
 }
 
+/// Whether anything that is not given moves the ends of the closure.
+bool gives_way(const Absolute& a) {
+  Workspace ws(*a.model);
+  const MatrixXd G = loop_matrix(*a.model, ws, a.state.q.data());
+  for (int j = 0; j < a.model->nv; ++j)
+    if ((!a.model->has_prescribed() || a.model->prescribed[idx(j)] == 0) && largest(G.col(j)) > 1e-9) return true;
+  return false;
+}
+
 // What hinges transmit, forces of actuators included, is what observers tell of the tree.
 TEST(Absolute, MultipliersOfHingesAreTheirReactions) {
   for (const TreeOptions& options : {TreeOptions{.bodies = 6, .flexible = 0.0, .wheels = 0.2, .prescribed = 0.1, .springs = true},
@@ -106,6 +115,7 @@ TEST(Absolute, MultipliersOfHingesAreTheirReactions) {
                                      TreeOptions{.bodies = 4, .level = 2, .gravity = GravitySpec::Kind::central}})
     for_all_trees(options, 1e-10, [](const RandomTree& given) {
       Absolute a(given);
+      if (!gives_way(a)) return 0.0;
       Loaded at(a.tree);
       hinge_laws::add_forces(*at.model, at.state.q.data(), at.state.v.data(), at.tau.data());
       const VectorXd vdot = at.forward();

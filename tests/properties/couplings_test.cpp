@@ -209,13 +209,15 @@ TEST(Couplings, OfAnyFunctionsAndRowsThatMoveAreThoseOfTheDenseTwin) {
   const auto any = [](const RandomTree& tree) { return of_the_twin(tree, false); };
   for_all_trees({.bodies = 7, .flexible = 0.0, .damping = false}, 1e-10, any, 100);
   for_all_trees({.bodies = 6, .flexible = 0.4, .wheels = 0.5}, 1e-10, any, 100);
-  const auto linear = [](const RandomTree& tree) { return of_the_twin(tree, true); };  // 209 and 213 were wrong embedded
-  for_all_trees({.bodies = 7, .flexible = 0.0, .damping = false}, 1e-10, linear, 250);
+  const auto linear = [](const RandomTree& tree) { return of_the_twin(tree, true); };
+  TreeOptions drawn = {.bodies = 7, .flexible = 0.0, .damping = false};
+  std::erase(drawn.hinges, "constant_velocity");  // as they were when 209 and 213 were wrong embedded
+  for_all_trees(drawn, 1e-10, linear, 250);
 }
 
 /// Revolute joints about unequal axes in a random tree, and two to four couplings of two to four of their angles each.
 SystemSpec coupled_revolutes(unsigned seed, int n) {
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random(seed - 1 + first_seed());
   const auto number = [&](double a, double b) { return std::uniform_real_distribution<>(a, b)(random); };
   const auto pick = [&](int m) { return static_cast<int>(random() % static_cast<unsigned>(m)); };
   const auto vector = [&](double size) { return Vector3d(number(-size, size), number(-size, size), number(-size, size)); };

@@ -258,7 +258,7 @@ BodySpec joined(BodySpec body, const std::string& inboard, const std::string& ty
 /// A carriage on `hinge` with a pendulum; on the pendulum's bob an arm on `outboard`, on the carriage's seat a box. Nodes "carriage.bob"
 /// and "carriage.seat", and "pendulum.bob", "carriage.seat".
 Pair mechanism(std::uint64_t seed, const std::string& hinge, const std::string& outboard) {
-  Random random{std::mt19937_64(seed)};
+  Random random{std::mt19937_64(seed - 1 + first_seed())};
   const Vector3d pivot = random.vector(0.5), axis = random.vector().normalized();
   std::vector<Mass> still, swinging;
   for (int i = 0; i < 2; ++i) still.push_back({2.0 + random(), random.vector(), random.inertia()});
@@ -327,7 +327,7 @@ const Names kNodes = {{"carriage.bob", "pendulum.bob"},
 const Names kHinges = {{"carriage", "carriage"}, {"arm", "arm"}, {"box", "box"}, {"tip", "tip"}};
 
 Point random_point(const Model& m, std::uint64_t seed) {
-  Random random{std::mt19937_64(seed)};
+  Random random{std::mt19937_64(seed - 1 + first_seed())};
   Point p;
   p.q = m.initial_state().q;
   const VectorXd to = 1.5 * random.numbers(m.nv), from = p.q;
@@ -375,7 +375,7 @@ TEST(CurvedNodes, OfTheseModalBodiesObeyTheLaws) {
 TEST(CurvedNodes, MayBeWhereTheBodyHangs) {
   for (std::uint64_t seed = 1; seed <= 12; ++seed) {
     Pair pair = mechanism(seed, "free", "ball");
-    Random random{std::mt19937_64(50 + seed)};
+    Random random{std::mt19937_64(50 + seed - 1 + first_seed())};
     const BodySpec bus = on(rigid("bus", 3.0, random.vector(), random.inertia()), "", seed % 3 == 0 ? "ball" : "free");
     const HingeSpec to_bus = joined({}, "bus", seed % 2 == 0 ? "ball" : "revolute", random).hinge;
     const auto hang = [&](BodySpec& b) {
@@ -514,7 +514,7 @@ TEST(CurvedNodes, RunAsThePartsDo) {
   }
   EXPECT_LT(apart(one.state().q, two.state().q), 1e-9);
   EXPECT_LT(apart(one.state().v, two.state().v), 1e-9);
-  EXPECT_GT(std::abs(one.state().q[one.model().user[0].eta] - p.q[one.model().user[0].eta]), 0.1) << "it swings";
+  EXPECT_GT(std::abs(one.state().q[one.model().user[0].eta] - p.q[one.model().user[0].eta]), 0.03) << "it swings";
 }
 
 /// Constant shapes by another way: told by node(), they take the general elimination.
@@ -523,7 +523,7 @@ TEST(CurvedNodes, MayBeStraight) {
   for (const TreeOptions& options :
        {TreeOptions{}, TreeOptions{.bodies = 5, .flexible = 1.0}, TreeOptions{.bodies = 5, .flexible = 1.0, .level = 0},
         TreeOptions{.bodies = 4, .flexible = 0.6, .modes = 20, .plain_masses = true}, TreeOptions{.flexible = 0.7, .prescribed = 0.3}})
-    for (unsigned seed = 1; seed <= 20; ++seed) {
+    for (unsigned seed = first_seed(); seed < first_seed() + 20; ++seed) {
       const RandomTree tree = random_tree(seed, options);
       const auto plain = made(tree.spec), told = made(with_modal_type(tree.spec, "test/told_modal"));
       for (const UserNode& n : told->nodes) curved += n.shapes.is_curved();
@@ -553,7 +553,7 @@ TEST(CurvedNodes, MayHaveAnyCoordinates) {
   for (const TreeOptions& options :
        {TreeOptions{}, TreeOptions{.bodies = 5, .flexible = 1.0}, TreeOptions{.bodies = 5, .flexible = 1.0, .level = 0},
         TreeOptions{.bodies = 4, .flexible = 0.6, .modes = 12, .plain_masses = true}})
-    for (unsigned seed = 1; seed <= 20; ++seed) {
+    for (unsigned seed = first_seed(); seed < first_seed() + 20; ++seed) {
       const RandomTree tree = random_tree(seed, options);
       const auto plain = made(tree.spec), bent = made(with_modal_type(tree.spec, "test/bent_modal"));
       const State state = plain->initial_state();
@@ -596,7 +596,7 @@ TEST(CurvedNodes, MayHaveAnyCoordinates) {
       d.at(a.in(in_x.vdot.data()));
       VectorXd along_q(bent->nv), along_v(bent->nv), got(bent->nv), differences(bent->nv), work(bent->nv), moved_q(bent->nq),
           moved_v(bent->nv), to(bent->nv);
-      Random random{std::mt19937_64(seed)};
+      Random random{std::mt19937_64(seed - 1 + first_seed())};
       along_q = random.numbers(bent->nv), along_v = random.numbers(bent->nv);
       d.inverse({.q = along_q.data(), .v = along_v.data()}, got.data());
       soa::derivative(
@@ -618,7 +618,7 @@ TEST(CurvedNodes, LetLoopsBesideThemBe) {
   for (std::uint64_t seed = 1; seed <= 6; ++seed)
     for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers}) {
       Pair pair = mechanism(seed, "free", seed % 2 == 0 ? "revolute" : "ball");
-      Random random{std::mt19937_64(700 + seed)};
+      Random random{std::mt19937_64(700 + seed - 1 + first_seed())};
       std::vector<BodySpec> links;
       for (int i = 0; i < 4; ++i)
         links.push_back(joined(rigid("link" + std::to_string(i), 0.5, random.vector(), random.inertia()),

@@ -318,6 +318,25 @@ TEST(Devices, TakePartInLinearModels) {
   });
 }
 
+/// A spring across a ball hinge, whose nodes are where the hinge is: no line, no force of any direction that rounding has, no NaN in Jv.
+TEST(Devices, ThatSpanNothingDoNothing) {
+  BodySpec arm = on(rigid("arm", 2.0, {0.3, 0.1, -0.2}, diagonal({0.1, 0.2, 0.15})), "", "ball", {}, {0.31, 1.07, -0.53});
+  BodySpec hand = on(rigid("hand", 1.0, {0.1, 0.2, 0.1}, diagonal({0.1, 0.1, 0.05})), "arm", "ball", {}, {0.23, 0.41, 0.17});
+  arm.nodes = {{"wrist", {0.23, 0.41, 0.17}, Eigen::Matrix3d::Identity(), {}}};
+  arm.hinge.q = {0.5, 0.1, -0.7, 0.5}, arm.hinge.v = {0.3, -0.2, 0.5}, hand.hinge.v = {-0.7, 0.4, 0.2};
+  SystemSpec spec = system({arm, hand}, uniform_gravity({0.5, -0.3, -9.81}));
+  const VectorXd bare = Simulation(compiled(spec), {}).vdot();
+  for (const std::string type : {"spring_damper", "cable"}) {
+    DeviceSpec spring = device("spring", type, {{"stiffness", 20.0}, {"damping", 1.0}}, {{"from", "arm.wrist"}, {"to", "hand"}});
+    spring.params[type == "cable" ? "length" : "rest"] = number(type == "cable" ? 0.0 : 0.7);
+    spec.devices = {spring};
+    Simulation sim(compiled(spec), {});
+    EXPECT_LT(apart(sim.vdot(), bare), 1e-14) << type;
+    EXPECT_EQ(sim.device_output(0), 0.0) << type;
+    EXPECT_LT(jacobian_error(spec), 1e-9) << type;
+  }
+}
+
 /// Devices of a plugin made of the same sources give the same bits.
 TEST(Devices, OfAPluginAreServedAsThoseBuiltIn) {
   static const Registry all = [] {

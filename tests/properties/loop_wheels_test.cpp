@@ -37,7 +37,7 @@ void expect_forms_to_agree_where_driven(const SystemSpec& spec, std::size_t firs
 /// A free base, arms on it whose hinges turn wheels on the inboard bodies, one way or the other, faster or slower or as fast. `bevel`: the
 /// axis of one wheel is across that of its hinge. `cable`: two hinges of the arm are coupled, and one between them is not.
 SystemSpec geared_arms(std::uint64_t seed, int arms, bool bevel = false, bool cable = false) {
-  std::mt19937_64 random(seed);
+  std::mt19937_64 random(seed - 1 + first_seed());
   std::uniform_real_distribution<double> number(-1.0, 1.0);
   const auto vector = [&] { return Eigen::Vector3d(number(random), number(random), number(random)); };
   BodySpec base = on(rigid("base", 10.0, {0.1, 0, 0}, diagonal({2, 3, 4})), "", "free");
@@ -129,7 +129,7 @@ struct ArmBuilder {
   SystemSpec spec = system({}, uniform_gravity({0.5, -0.3, -9.81}));
   std::string base;
 
-  ArmBuilder(std::uint64_t seed, bool on_ground) : random(seed) {
+  ArmBuilder(std::uint64_t seed, bool on_ground) : random(seed - 1 + first_seed()) {
     if (on_ground) return;
     BodySpec body = on(rigid("base", 10.0, {0.1, 0, 0}, diagonal({2, 3, 4})), "", "free");
     body.hinge.v = {0.3, -0.2, 0.1, 0, 0, 0};

@@ -2,11 +2,13 @@
 // with its multipliers; runs.
 #include "core/dynamics/loops.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <random>
 
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/dynamics/loop_pass.hpp"
 #include "core/dynamics/observe.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/model/embedding.hpp"
 #include "core/operators/closed_system.hpp"
 #include "core/operators/linear_model.hpp"
@@ -122,6 +124,7 @@ double of_the_same_motion(const RandomTree& given, LoopForm form) {
   std::map<std::string, Vector6d> of_closed = closed.node_accelerations(b);
   std::erase_if(of_closed, [](const auto& node) { return node.first.starts_with("loops."); });
   double worst = apart(of_closed, tree.node_accelerations(a)), size = 0.0, difference = 0.0;
+  for (const UserBody& u : tree.model->user) size = worse(size, u.M.m * given.spec.gravity.g.norm());  // what falls transmits its rounding
   Observer observer(*tree.model, tree.ws);
   observer.update(tree.in(), a.data());
   Observer other(*closed.model, closed.ws);
@@ -227,7 +230,9 @@ TEST(Loops, AHingeThatClosesHasTheLinearModelThatItHasInTheTree) {
     for_all_trees({.bodies = 5, .level = 2, .prescribed = prescribed, .free_modes = true}, 1e-11, bare, 20);
   }
   for_all_trees({.bodies = 5}, 1e-11, equipped, 20);
-  for_all_trees({.bodies = 4, .gravity = GravitySpec::Kind::central}, 1e-11, bare, 10);
+  TreeOptions orbiting = {.bodies = 4, .gravity = GravitySpec::Kind::central};
+  std::erase(orbiting.hinges, "locked");  // a body that is locked in the tree is one with its inboard body, and so is its gravity
+  for_all_trees(orbiting, 1e-11, bare, 20);
   for (const std::string& type : kAllHinges) {
     if (type == "free" || type == "free_body") continue;
     for_all_trees({.bodies = 4, .roots = 1, .hinges = {type}}, 1e-11, bare, 10);
@@ -364,6 +369,9 @@ double of_the_twin(const RandomTree& given, int& compared) {
   std::unique_ptr<Loaded> closed;
   reference::ClosedMotion<Quad> exact;
   std::vector<reference::VecX<Quad>> wrenches;
+  // Where rows are redundant, what hinges of the tree transmit is that of multipliers of smallest norm. The rows of a screw in the twin are
+  // along other directions, not orthonormal: other ones are smallest there.
+  const bool told_alike = std::ranges::none_of(spec.loops, [](const LoopSpec& loop) { return loop.type == "helical"; });
   for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers, LoopForm::dae}) {
     spec.loop_form = form;
     try {
@@ -404,10 +412,11 @@ double of_the_twin(const RandomTree& given, int& compared) {
       of_embedding = lambda;
     else
       worst = worse(worst, error_of(of_embedding, lambda));
-    worst = worse(worst, relative(difference, size));
+    if (told_alike || exact.rank == closed->model->loops.rows) worst = worse(worst, relative(difference, size));
   }
   ++compared;
-  return worst;
+  return worst *
+         std::min(1.0, 50.0 * loop_rank(*closed->model, closed->ws, closed->state.q.data()).distance);  // less near a singular posture
 }
 
 /// Seeds 1 to `count`; nearly all of them are mechanisms. v', multipliers and the wrenches of all hinges: of 220, in 53 bits, no form is

@@ -37,7 +37,7 @@ inline double error_of(const Property& property, const RandomTree& tree, std::st
 
 inline void for_all_trees(const TreeOptions& options, double tolerance, const Property& property, int count = 60) {
   double worst = 0.0;
-  for (unsigned seed = 1; seed <= static_cast<unsigned>(count); ++seed) {
+  for (unsigned seed = first_seed(); seed < first_seed() + static_cast<unsigned>(count); ++seed) {
     RandomTree tree = random_tree(seed, options);
     const double error = error_of(property, tree);
     if (error <= tolerance) {
@@ -146,6 +146,14 @@ inline double apart(const std::map<std::string, Vector6d>& a, const std::map<std
     size = worse(size, largest(x));
   }
   return relative(difference, size);
+}
+
+/// How far something is from differences with a step of h: with h or a quarter of it, whichever is nearer. What is wrong is wrong by both;
+/// next to where a posture is singular the truncation of the longer one shows, elsewhere the rounding of the shorter.
+template <class F>
+double by_differences(double h, const F& error_with_step) {
+  const double longer = error_with_step(h), shorter = error_with_step(h / 4.0);
+  return std::isfinite(longer) && std::isfinite(shorter) ? std::min(longer, shorter) : HUGE_VAL;
 }
 
 }  // namespace cardan::test

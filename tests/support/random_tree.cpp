@@ -4,6 +4,7 @@
 
 #include <Eigen/Geometry>
 #include <array>
+#include <cstdlib>
 #include <random>
 #include <set>
 
@@ -137,6 +138,11 @@ void make_wheel(Draft& d, Random& random) {
 }
 
 }  // namespace
+
+unsigned first_seed() {
+  const char* asked = std::getenv("CARDAN_FIRST_SEED");
+  return asked != nullptr ? static_cast<unsigned>(std::strtoul(asked, nullptr, 10)) : 1U;
+}
 
 RandomTree random_tree(unsigned seed, const TreeOptions& options) {
   Random random(seed);

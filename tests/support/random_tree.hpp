@@ -10,8 +10,12 @@
 
 namespace cardan::test {
 
-inline const std::vector<std::string> kAllHinges = {"revolute", "prismatic", "helical", "cylindrical",   "universal", "gimbal",
-                                                    "ball",     "planar",    "locked",  "translational", "free",      "free_body"};
+inline const std::vector<std::string> kAllHinges = {"revolute",          "prismatic", "helical",  "cylindrical", "universal",
+                                                    "constant_velocity", "gimbal",    "ball",     "planar",      "locked",
+                                                    "translational",     "free",      "free_body"};
+
+/// The first seed of properties on random systems: CARDAN_FIRST_SEED, or 1. From another one on they are drawn anew.
+unsigned first_seed();
 
 struct TreeOptions {
   int bodies = 8;

@@ -39,7 +39,7 @@ double difference(const Model& m, const State& a, const State& b) {
 /// Every hinge, flexible bodies at every level and place of the tree, springs, stops, friction, given motions that vary, gravity.
 TEST(DiagonalisedForm, AgreesWithStandardDynamicsOnRandomTrees) {
   for (const auto gravity : {GravitySpec::Kind::none, GravitySpec::Kind::uniform, GravitySpec::Kind::central})
-    for (unsigned seed = 1; seed <= 25; ++seed) {
+    for (unsigned seed = first_seed(); seed < first_seed() + 25; ++seed) {
       const RandomTree tree = with_factor(random_tree(seed, {.bodies = 6,
                                                              .modes = seed % 3 == 0 ? 7 : 0,
                                                              .prescribed = 0.1,

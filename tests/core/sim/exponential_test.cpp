@@ -499,7 +499,7 @@ TEST(Exponential, LeavesMomentumToForcesFromOutside) {
 TEST(Exponential, AgreesOnRandomTrees) {
   int taken = 0;
   for (const auto gravity : {GravitySpec::Kind::none, GravitySpec::Kind::uniform, GravitySpec::Kind::central})
-    for (unsigned seed = 1; seed <= 40; ++seed) {
+    for (unsigned seed = first_seed(); seed < first_seed() + 40; ++seed) {
       const RandomTree tree =
           random_tree(seed, {.bodies = 6, .prescribed = 0.03, .springs = true, .loads = seed % 5 == 0, .gravity = gravity});
       const auto model = compiled(tree.spec);
