@@ -60,7 +60,7 @@ int at(lua_State* L, Scenario& s) {
   wait.told = fmt::format("t = {:g} s", t);
   const auto is_now = [&] {
     if (t < now)
-      refuse(L, Code::lua_argument, "at", fmt::format("a time from now on, {:g} s", now), fmt::format("{:g} s", t),
+      refuse(L, Code::lua_argument, fmt::format("at({:g} s)", t), fmt::format("a time from now on, {:g} s", now), fmt::format("{:g} s", t),
              "the plan is late: mission.time() tells by how much, wait(duration) counts from now");
     return t == now;
   };

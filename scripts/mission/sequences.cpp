@@ -270,7 +270,14 @@ void Sequences::make_coroutine(Sequence& me) {
 
 /// Variables that are to be closed are, in a coroutine that waits.
 void Sequences::close(Sequence& me) {
-  if (me.coroutine_ && lua_status(me.coroutine_) == LUA_YIELD) lua_resetthread(me.coroutine_);
+  if (me.coroutine_ && lua_status(me.coroutine_) == LUA_YIELD)
+    s_.lua.protect(
+        [&me](lua_State* L) {
+          if (lua_resetthread(me.coroutine_) == LUA_OK) return;
+          lua_xmove(me.coroutine_, L, 1);
+          lua_error(L);
+        },
+        s_.lua.call_budget());
   me.coroutine_ = nullptr;
   me.thread_ = LuaRef();
   me.when = LuaFunction();

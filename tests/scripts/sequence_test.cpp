@@ -270,6 +270,10 @@ TEST(Sequences, WaitOnlyWhereTheyCan) {
   expect("at(0.5)", "expected: a time from now on, 1 s\n  got:      0.5 s");
   expect("wait(-1)", "expected: a time >= 0 s");
   expect("wait '3 kg'", "wait");
+  expect(
+      "local c <close> = setmetatable({}, { __close = function() error 'it sticks' end }) wait_until(function() return false end, { rate = "
+      "1, timeout = 0.1, otherwise = print })",
+      "it sticks");
   expect("wait_until(3)", "expected: the function of a condition");
   expect("wait_until(function() return true end)", "expected: a finite number, which is located where it crosses zero\n  got:      true");
   expect("wait_until(function() return 1 end, { rate = 1 })", "expected: true or false\n  got:      1");
