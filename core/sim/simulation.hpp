@@ -315,9 +315,14 @@ class Simulation {
   void sample_delays(int clock);
   void expire_commands();
   double next_timeout() const;
+  bool is_of_a_port(const PortFault& fault) const;
   void change_faults();
   void begin_faults_anew();
   void end_fault(std::ptrdiff_t i);
+  void make_way(const RunningFault& begun);
+  double unaltered(int port, bool input);
+  double period_seconds(const Device& device) const;
+  int ticks_of_delay(const Device& device, double delay) const;
   double next_fault() const;
   void alter_ports();
   void renew(const PortFault& fault);

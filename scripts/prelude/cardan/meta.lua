@@ -618,6 +618,8 @@ function Device:valid(output) end
 ---@field stuck? true|number|string|(number|string)[] true: at what it is when the fault begins; 0: dead. With none of the others
 ---@field noise? number|string|(number|string)[] standard deviation, drawn at each tick of its device, which samples
 ---@field drop? number|number[] probability that a tick is lost: the number before it stays
+---@field delay? number|string|(number|string)[] [s] x is what it was so long ago: whole ticks of its device, which samples
+---@field swap? string another port of the device, which exchanges its value with this one; with none of the others
 ---@field from? number|string [s], now if absent
 ---@field until_? number|string [s]; without it until `mend`
 ---@param fault PortFault
