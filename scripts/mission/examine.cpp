@@ -259,6 +259,7 @@ void try_start(Scenario& s) {
 
 void try_sequences(Scenario& s) {
   s.stage = Scenario::Stage::run;
+  if (!s.phases.empty()) s.phase = s.phases[0].name, s.phase_begun = s.sim->time();
   s.sequences.begin(false, {});
   for (int i; (i = s.sequences.due(s.sim->time())) >= 0 && !s.sim->stopped();) {
     const std::string& name = s.sequences.all()[static_cast<std::size_t>(i)].name;

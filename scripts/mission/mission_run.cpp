@@ -110,19 +110,18 @@ void MissionRun::begin_sequences() {
     recorder_.note(Note::event, s_.sim->time(), {me.name, what});
   });
   sim.at_instants([&all] { return all.next(); }, [this] { go_on_with_sequences(); });
-  for (int i = 0; i < static_cast<int>(all.all().size()); ++i)
-    for (int slot = 0; slot < Sequences::kSlots; ++slot) {
-      const Sequences::Sequence& me = all.all()[static_cast<std::size_t>(i)];
-      const auto located = [this, i, slot, &me](double t, const double* q, const double* v) {
-        return s_.sequences.is_located(i, slot) ? me.wait.sign * crossing(me.when, actor_of(me), t, q, v) : 1.0;
-      };
-      const auto crossed = [this, i, slot, &me] {
-        if (!s_.sequences.is_located(i, slot)) return;  // what happened first in this instant has ended it
-        call(actor_of(me), [&] { s_.sequences.crossed(i); });
-        change_phases(false);
-      };
-      sim.add_event({me.name, located, 1, crossed, false});
-    }
+  for (int i = 0; i < static_cast<int>(all.all().size()); ++i) {
+    const Sequences::Sequence& me = all.all()[static_cast<std::size_t>(i)];
+    const auto located = [this, i, &me](double t, const double* q, const double* v) {
+      return s_.sequences.is_located(i) ? me.wait.sign * crossing(me.when, actor_of(me), t, q, v) : 1.0;
+    };
+    const auto crossed = [this, i, &me] {
+      if (!s_.sequences.is_located(i)) return;  // what happened first in this instant has ended it
+      call(actor_of(me), [&] { s_.sequences.crossed(i); });
+      change_phases(false);
+    };
+    sim.add_event({me.name, located, 1, crossed, false});
+  }
 }
 
 /// All that are due, in the order of their declaration.

@@ -57,10 +57,10 @@ std::string Sequences::Wait::text() const { return fmt::format("{}{} ({})", told
 
 void Sequences::Wait::remember(Archive& a) {
   int of_kind = static_cast<int>(kind);
-  a(of_kind, until, look, period.numerator, period.denominator, sign, slot, told, at, late);
+  a(of_kind, until, look, period.numerator, period.denominator, sign, told, at, late);
   kind = static_cast<Kind>(of_kind);
   const auto fits = [](std::int64_t n) { return n > 0 && n <= Rational::kLargest; };
-  if (of_kind < 0 || of_kind > static_cast<int>(Kind::looked) || slot < 0 || slot >= kSlots || std::abs(sign) != 1.0 ||
+  if (of_kind < 0 || of_kind > static_cast<int>(Kind::looked) || std::abs(sign) != 1.0 ||
       (kind == Kind::looked && (!fits(period.numerator) || !fits(period.denominator))))
     a.wrong("a wait of no kind");
 }
@@ -119,9 +119,7 @@ double Sequences::look(lua_State* L, int index, bool located) {
 
 int Sequences::pause(lua_State* L, Sequence& me, Wait wait, bool condition) {
   wait.at = place_text(LuaHost::caller(L));
-  const bool located = wait.kind == Kind::located;
-  wait.slot = located ? (me.wait.slot + 1) % kSlots : me.wait.slot;
-  if (located && !played_) s_.sim->events_changed();
+  if (wait.kind == Kind::located && !played_) s_.sim->events_changed();
   me.wait = std::move(wait);
   me.state = State::waiting;
   me.when = LuaFunction();
@@ -241,9 +239,9 @@ void Sequences::go_on(int index) {
   resume(me, false);
 }
 
-bool Sequences::is_located(int index, int slot) const {
+bool Sequences::is_located(int index) const {
   const Sequence& me = all_[static_cast<std::size_t>(index)];
-  return me.state == State::waiting && me.wait.kind == Kind::located && me.wait.slot == slot;
+  return me.state == State::waiting && me.wait.kind == Kind::located;
 }
 
 void Sequences::crossed(int index) {

@@ -44,14 +44,12 @@ class Sequences final : public LuaHost::Tape {
     Moment until;          // its end; of a condition its timeout
     Moment look;           // of a condition that is looked at: when, next
     Rational period;       // ... and how often
-    double sign = 1.0;     // of a condition that is located: times its number this rises through zero ...
-    int slot = 0;          // ... as one of two events, so that none crosses at once where it has just crossed
+    double sign = 1.0;     // of a condition that is located: times its number this rises through zero
     std::string told, at;  // "10 s", "a zero, located"; "scenario.lua:12"
     std::string late;      // "timeout of 100 s"
     std::string text() const;
     void remember(Archive& archive);
   };
-  static constexpr int kSlots = 2;
 
   enum class State { idle, ready, waiting, running, ended, stopped };
   static const char* name_of(State state);
@@ -123,8 +121,8 @@ class Sequences final : public LuaHost::Tape {
   int due(double t) const;
   /// One that is due goes on, as far as its next wait.
   void go_on(int index);
-  /// The condition of its wait, at the event in this slot.
-  bool is_located(int index, int slot) const;
+  bool is_located(int index) const;
+  /// The condition of its wait holds, which is located.
   void crossed(int index);
   /// What they still wait for, and which were never started.
   Warnings unfinished() const;

@@ -156,6 +156,8 @@ sequence { name = "first", run = function()
     log["own/plan"](m.n, m.kept.sum, draw, #words)
     if k == 7 then print(name, #words, mission.time()) second:start() end
     if k == 20 and second:state() == "waiting" then second:stop() end
+    wait(0) at(mission.time())
+    if k % 4 == 0 then wait_until(function() return mission.time() > 0.1 * k end, { rate = "3 Hz", timeout = 0.01 }) end
     wait(0.01 + 0.1 * math.random())
   end
 end }

@@ -122,6 +122,29 @@ initial { rod = { angle = "60 deg" } }
 )lua");
 }
 
+/// Within the first step after a wait has begun: after one that changed nothing, at the zero of another condition, after a timeout.
+TEST(Sequences, ZerosThatComeAtOnceAreFound) {
+  expect_good(R"lua(
+mission { duration = "6 s", output = { period = "6 s" }, checkpoint = { never = true }, integrator = { initial_step = 0.5, relative = 1e-4 } }
+local function soon(after)
+  local begun = mission.time()
+  local held = wait_until(function(t) return t - begun - after end, { timeout = "1 s" })
+  tell(held and math.abs(mission.time() - begun - after) < 1e-12 or mission.time())
+end
+sequence { name = "a", run = function()
+  wait "1 s"
+  soon(1e-4) soon(2e-4) soon(1e-4)
+  tell(wait_until(function() return rod:angle() + 100 end, { timeout = "0.1 s" }))
+  soon(1e-4)
+  wait_until(function() return rod:angle() end)
+  soon(1e-4) soon(1e-4)
+end }
+initial { rod = { angle = "60 deg" } }
+local wanted = { { "found", function() local t = {} for i, x in ipairs(m.told) do t[i] = tostring(x) end return t end,
+  { "true", "true", "true", "false", "true", "true", "true" } } }
+)lua");
+}
+
 TEST(Sequences, ATimeoutIsAnInstantAndEndsThePlanOtherwise) {
   expect_good(R"lua(
 mission { duration = "10 s", output = { rate = "1 Hz" } }
@@ -212,7 +235,8 @@ TEST(Sequences, AreListedByCheckAndDescribe) {
   const TemporaryFolder dir;
   make_scenario(dir, kBegin + R"lua(
 mission { duration = "1 s" }
-sequence { name = "plan", run = function() print "not yet" wait_until(function() return rod:angle() + 100 end) end }
+phase { name = "first" }
+sequence { name = "plan", run = function() print "not yet" assert(mission.phase() == "first") wait_until(function() return rod:angle() + 100 end) end }
 sequence { name = "later", start = false, run = function() end }
 )lua");
   const Finished check = run_program({"check", "."}, dir.path());
@@ -220,7 +244,7 @@ sequence { name = "later", start = false, run = function() end }
   EXPECT_TRUE(has(check.out, "0 checks, 2 sequences, 1 s")) << check.out;
   const Finished describe = run_program({"describe", "."}, dir.path());
   EXPECT_TRUE(has(describe.out,
-                  "sequences\n  plan              from the start of the run, waits first for a zero that is located (scenario.lua:8)\n"
+                  "sequences\n  plan              from the start of the run, waits first for a zero that is located (scenario.lua:9)\n"
                   "  later             when it is started\n"))
       << describe.out;
   EXPECT_FALSE(has(describe.out, "not yet"));
