@@ -79,7 +79,6 @@ int wait_until(lua_State* L, Scenario& s) {
   if (lua_isnil(L, 2)) lua_newtable(L), lua_replace(L, 2);
   const Sequences::Moment now = all.now(me);
   Wait wait;
-  double side = 0.0;  // on which it holds; 0: on neither
   {
     DiagnosticSink sink;
     LuaTable t(L, 2, "wait_until", sink);
@@ -100,7 +99,7 @@ int wait_until(lua_State* L, Scenario& s) {
       const Instant next = next_tick(wait.period, now.t);
       wait.look = {next.seconds(), next};
     }
-    side = direction == "rising" ? 1.0 : direction == "falling" ? -1.0 : 0.0;
+    wait.side = direction == "rising" ? 1 : direction == "falling" ? -1 : 0;
     wait.told = looked ? fmt::format("a condition that is looked at every {:g} s",
                                      static_cast<double>(wait.period.numerator) / static_cast<double>(wait.period.denominator))
                        : "a zero that is located";
@@ -110,9 +109,7 @@ int wait_until(lua_State* L, Scenario& s) {
   const bool located = wait.kind == Sequences::Kind::located;
   const auto holds = [&] {
     const double x = all.look(L, 1, located);
-    if (!located) return x != 0.0;
-    wait.sign = x > 0.0 ? -1.0 : 1.0;
-    return x == 0.0 || x * side > 0.0;
+    return located ? all.has_passed(me, wait, x) : x != 0.0;
   };
   if (all.at_once(me, holds)) {
     lua_pushboolean(L, 1);

@@ -112,15 +112,18 @@ void MissionRun::begin_sequences() {
   sim.at_instants([&all] { return all.next(); }, [this] { go_on_with_sequences(); });
   for (int i = 0; i < static_cast<int>(all.all().size()); ++i) {
     const Sequences::Sequence& me = all.all()[static_cast<std::size_t>(i)];
-    const auto located = [this, i, &me](double t, const double* q, const double* v) {
-      return s_.sequences.is_located(i) ? me.wait.sign * crossing(me.when, actor_of(me), t, q, v) : 1.0;
-    };
-    const auto crossed = [this, i, &me] {
-      if (!s_.sequences.is_located(i)) return;  // what happened first in this instant has ended it
-      call(actor_of(me), [&] { s_.sequences.crossed(i); });
-      change_phases(false);
-    };
-    sim.add_event({me.name, located, 1, crossed, false});
+    for (const bool from_a_side : {true, false}) {
+      const auto located = [this, i, from_a_side, &me](double t, const double* q, const double* v) {
+        if (!s_.sequences.is_located(i, from_a_side)) return 1.0;
+        return (from_a_side ? me.wait.side : 1) * s_.sequences.seen(i, crossing(me.when, actor_of(me), t, q, v));
+      };
+      const auto crossed = [this, i, from_a_side, &me] {
+        if (!s_.sequences.is_located(i, from_a_side)) return;  // what happened first in this instant has ended it
+        call(actor_of(me), [&] { s_.sequences.crossed(i); });
+        change_phases(false);
+      };
+      sim.add_event({me.name, located, from_a_side ? 1 : 0, crossed, false});
+    }
   }
 }
 

@@ -57,10 +57,10 @@ std::string Sequences::Wait::text() const { return fmt::format("{}{} ({})", told
 
 void Sequences::Wait::remember(Archive& a) {
   int of_kind = static_cast<int>(kind);
-  a(of_kind, until, look, period.numerator, period.denominator, sign, told, at, late);
+  a(of_kind, until, look, period.numerator, period.denominator, side, told, at, late);
   kind = static_cast<Kind>(of_kind);
   const auto fits = [](std::int64_t n) { return n > 0 && n <= Rational::kLargest; };
-  if (of_kind < 0 || of_kind > static_cast<int>(Kind::looked) || std::abs(sign) != 1.0 ||
+  if (of_kind < 0 || of_kind > static_cast<int>(Kind::looked) || side < -1 || side > 1 ||
       (kind == Kind::looked && (!fits(period.numerator) || !fits(period.denominator))))
     a.wrong("a wait of no kind");
 }
@@ -115,6 +115,15 @@ double Sequences::look(lua_State* L, int index, bool located) {
   }
   lua_pop(L, 1);
   return value;
+}
+
+bool Sequences::has_passed(Sequence& me, const Wait& wait, double x) const {
+  constexpr double kRounding = 1e-9;  // of the largest: zeros are located to some 1e-13 of a step
+  me.seen_ = {(x > 0.0) - (x < 0.0), std::abs(x)};
+  if (wait.side == 0) return false;
+  const auto& passed = me.passed_;
+  if (passed.side != 0 && passed.t == me.now_.t && std::abs(x) <= kRounding * passed.largest) return wait.side == passed.side;
+  return x * wait.side >= 0.0;
 }
 
 int Sequences::pause(lua_State* L, Sequence& me, Wait wait, bool condition) {
@@ -239,14 +248,21 @@ void Sequences::go_on(int index) {
   resume(me, false);
 }
 
-bool Sequences::is_located(int index) const {
+bool Sequences::is_located(int index, bool from_a_side) const {
   const Sequence& me = all_[static_cast<std::size_t>(index)];
-  return me.state == State::waiting && me.wait.kind == Kind::located;
+  return me.state == State::waiting && me.wait.kind == Kind::located && (me.wait.side != 0) == from_a_side;
+}
+
+double Sequences::seen(int index, double x) {
+  Sequence& me = all_[static_cast<std::size_t>(index)];
+  me.seen_.largest = std::max(me.seen_.largest, std::abs(x));
+  return x;
 }
 
 void Sequences::crossed(int index) {
   Sequence& me = all_[static_cast<std::size_t>(index)];
   me.now_ = moment(s_.sim->time());
+  me.passed_ = {me.now_.t, me.wait.side != 0 ? me.wait.side : -me.seen_.side, me.seen_.largest};
   note(me, "zero " + me.wait.at);
   resume(me, true);
 }

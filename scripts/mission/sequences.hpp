@@ -44,7 +44,7 @@ class Sequences final : public LuaHost::Tape {
     Moment until;          // its end; of a condition its timeout
     Moment look;           // of a condition that is looked at: when, next
     Rational period;       // ... and how often
-    double sign = 1.0;     // of a condition that is located: times its number this rises through zero
+    int side = 0;          // of a condition that is located: 1 where its number rises through zero, -1 where it falls, 0: either
     std::string told, at;  // "10 s", "a zero, located"; "scenario.lua:12"
     std::string late;      // "timeout of 100 s"
     std::string text() const;
@@ -82,6 +82,17 @@ class Sequences final : public LuaHost::Tape {
     LuaRef thread_;
     lua_State* coroutine_ = nullptr;
     Moment now_;  // while it runs
+    /// The number of a condition that is located, in its wait: on which side it began, and how large it was at most.
+    struct {
+      int side = 0;
+      double largest = 0.0;
+    } seen_;
+    /// The last zero: of a number that is as small as rounding in the same instant, it has passed to this side.
+    struct {
+      double t = std::numeric_limits<double>::quiet_NaN();
+      int side = 0;
+      double largest = 0.0;
+    } passed_;
     std::vector<Stretch> journal_;
     std::size_t kept_ = 0;            // values in it
     std::string lost_;                // what it cannot hold; empty: it holds all
@@ -104,6 +115,8 @@ class Sequences final : public LuaHost::Tape {
   bool at_once(Sequence& me, const std::function<bool()>& look);
   /// The value of the condition at `index` as it is now: located a finite number, else 1 or 0.
   double look(lua_State* L, int index, bool located);
+  /// Whether the number of a condition that is located is where the wait wants it, as it begins.
+  bool has_passed(Sequence& me, const Wait& wait, double x) const;
   /// It waits from now on: what wait() and the like return. With a condition, the function at 1; with `otherwise`, the function at 3, that
   /// is what follows a timeout.
   int pause(lua_State* L, Sequence& me, Wait wait, bool condition = false);
@@ -121,7 +134,10 @@ class Sequences final : public LuaHost::Tape {
   int due(double t) const;
   /// One that is due goes on, as far as its next wait.
   void go_on(int index);
-  bool is_located(int index) const;
+  /// It waits for the zero of a number: of one that comes from a given side, or from either.
+  bool is_located(int index, bool from_a_side) const;
+  /// What that number is, at some state that is tried.
+  double seen(int index, double x);
   /// The condition of its wait holds, which is located.
   void crossed(int index);
   /// What they still wait for, and which were never started.

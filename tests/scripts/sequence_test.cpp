@@ -28,7 +28,7 @@ for i, w in ipairs(wanted) do
   check { name = w[1], value = function()
     local is = w[2]()
     local good = same(is, w[3])
-    if not good then print(w[1] .. ": " .. (type(is) == "table" and table.concat(is, " | ") or tostring(is))) end
+    if not good then print(w[1], type(is) == "table" and table.unpack(is) or is) end
     return good and 1 or 0
   end, equal = { 1 } }
 end
@@ -119,6 +119,43 @@ local wanted = {
   { "sides", function() return m.falling == m.told[1] and m.rising == m.told[2] end, true },
   { "tick", function() return m.looked == math.ceil(4 * m.told[1]) / 4 end, true } }
 initial { rod = { angle = "60 deg" } }
+)lua");
+}
+
+/// At rest the rate is zero, and its next zero is half a period later; what rises and is at zero has risen. Where a zero was located
+/// rounding decides nothing: what has risen falls half a period later.
+TEST(Sequences, WaitForTheNextZero) {
+  expect_good(R"lua(
+mission { duration = "12 s", output = { period = "12 s" }, integrator = { relative = 1e-11 } }
+initial { rod = { angle = "5 deg" } }
+event { name = "turns", when = function() return rod:rate() end, action = function(t) m.turns = m.turns or {} m.turns[#m.turns + 1] = t end }
+event { name = "turns up", direction = "rising", when = function() return rod:rate() end, action = function(t) m.up = m.up or {} m.up[#m.up + 1] = t end }
+m.each, m.rising = {}, {}
+sequence { name = "each", run = function() while #m.each < 8 do wait_until(function() return rod:rate() end) m.each[#m.each + 1] = mission.time() end end }
+sequence { name = "rising", run = function()
+  wait_until(function() return rod:rate() end, { direction = "rising" })
+  tell(mission.time())
+  wait_until(function() return rod:rate() end, { direction = "falling" })
+  tell(mission.time())
+  wait "0.1 s"
+  while #m.rising < 8 do
+    wait_until(function() return rod:rate() end, { direction = "rising" })
+    m.rising[#m.rising + 1] = mission.time()
+    wait_until(function() return 1e-3 * rod:rate() end, { direction = "falling" })
+    m.rising[#m.rising + 1] = mission.time()
+  end
+end }
+local function flat(t) if t < 1.25 then return t - 1.25 elseif t < 1.250001 then return 0 end return math.sin(math.pi * (t - 1.250001)) end
+sequence { name = "flat", run = function()
+  wait_until(flat, { direction = "rising" })
+  tell(math.abs(mission.time() - 1.25) <= 1e-6)
+  wait_until(flat, { direction = "falling" })
+  m.flat = mission.time()
+end }
+local function apart(a, b, n) local d = #b >= n and 0 or 1 for i = 1, n do d = math.max(d, math.abs(a[i] - b[i])) end return d < 1e-10 end
+local wanted = { { "at rest", function() return m.told end, { 0, 0, true } },
+  { "flat", function() return math.abs(m.flat - 2.250001) < 1e-9 end, true },
+  { "each", function() return apart(m.each, m.turns, 8) end, true }, { "in turn", function() return apart(m.rising, m.turns, 8) and math.abs(m.up[2] - m.rising[3]) < 1e-10 end, true } }
 )lua");
 }
 

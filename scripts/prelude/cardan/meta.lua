@@ -176,7 +176,7 @@ function at(time) end
 ---@class WaitOptions
 ---@field rate? quantity [Hz] looks at these ticks whether it is true; without it, and without period, the zero of a number is located
 ---@field period? quantity [s] the same
----@field direction? "rising"|"falling"|"both" of a number that is located, default both; on its side already, it does not wait
+---@field direction? "rising"|"falling"|"both" of a number that is located, default both: the next zero; on its side already, it does not wait
 ---@field timeout? quantity [s] from now on: then it returns false
 ---@field otherwise? fun() after the timeout, in place of the rest of the plan
 
