@@ -287,6 +287,27 @@ sequence { name = "later", start = false, run = function() end }
   EXPECT_FALSE(has(describe.out, "not yet"));
 }
 
+TEST(Sequences, GoOnAndBeginAnewAtTheWorkbench) {
+  const TemporaryFolder dir;
+  make_scenario(dir, R"lua(
+local sat = vehicle "vehicle.yaml"
+mission { duration = "20 s" }
+plan = sequence { name = "plan", run = function() wait "1 s" wait "1 s" end }
+)lua");
+  write(dir / "look.lua", R"lua(
+local function expect(state, waits) assert(plan:state() == state and plan:waits_for() == waits, plan:state() .. plan:waits_for()) end
+sim:run_to(0.5) expect("waiting", "1 s (scenario.lua:4)")
+sim:run_to(1.5) expect("waiting", "1 s (scenario.lua:4)")
+sim:state { t = 0 } expect("ready", "")
+sim:run_to(1.5) plan:stop() expect("stopped", "")
+plan:start() expect("ready", "")
+sim:run_to(3) sim:run_to(3.5) expect("ended", "")
+assert(not pcall(wait, 1))
+)lua");
+  const Finished look = run_program({"workbench", ".", "--script", "look.lua"}, dir.path());
+  EXPECT_EQ(look.exit_code, 0) << look.out << look.err;
+}
+
 /// The whole answer to a run with this plan.
 std::string answer_to(const std::string& plan, const std::string& more = {}) {
   const TemporaryFolder dir;
