@@ -17,8 +17,11 @@ auto rates_into(std::vector<cardan_mount_motion>& motions) {
 }
 /// Rates of ports first ... first + n - 1.
 void scale_altered(const std::vector<AlteredPort>& all, int first, int n, std::vector<double>& rates) {
+  const auto is_of_it = [first, n](const AlteredPort& a) { return a.index >= first && a.index < first + n; };
   for (const AlteredPort& a : all)
-    if (a.index >= first && a.index < first + n) rates[a.index] *= a.scale;
+    if (is_of_it(a)) a.x = rates[a.index + a.of];
+  for (const AlteredPort& a : all)
+    if (is_of_it(a)) rates[a.index] = a.scale * a.x;
 }
 
 }  // namespace

@@ -185,24 +185,13 @@ void DeviceForces::zero(int index) {
 void DeviceForces::take_connected(const Call& call) {
   for (int k = call.given.begin; k < call.given.end; ++k) in_[given_[k].first] = out_[given_[k].second];
   for (int k = call.added.begin; k < call.added.end; ++k) in_[added_[k].in] += out_[added_[k].out];
-  for (int k = call.altered_in.begin; k < call.altered_in.end; ++k) {
-    double& x = in_[altered_in_[k].index];
-    x = altered_in_[k](x, time());
-  }
-}
-
-/// `out`: of all devices.
-void DeviceForces::alter_outputs(const Call& call, double* out) const {
-  for (int k = call.altered_out.begin; k < call.altered_out.end; ++k) {
-    double& x = out[altered_out_[k].index];
-    x = altered_out_[k](x, time());
-  }
+  alter_ports(part(altered_in_, call.altered_in), in_.data(), time());
 }
 
 /// In this order; what they fill is zero.
 bool DeviceForces::evaluate(const std::vector<Call>& calls, const std::vector<Range>& numbers) {
   for (const Range& r : commanded_) std::copy(commands.begin() + r.begin, commands.begin() + r.end, in_.begin() + r.begin);
-  for (const AlteredPort& a : altered_commands_) in_[a.index] = a(in_[a.index], time());
+  alter_ports(altered_commands_, in_.data(), time());
   std::uint64_t power = 0;
   const bool filled = !first_.empty();  // what a device gave before all others is there until now
   const Call* at = calls.data();
@@ -219,7 +208,7 @@ bool DeviceForces::evaluate(const std::vector<Call>& calls, const std::vector<Ra
         return false;
       }
       power |= not_finite_bit(out.delivered) | not_finite_bit(out.lost);
-      alter_outputs(*at, out_);
+      alter_ports(part(altered_out_, at->altered_out), out_, time());
     }
   } catch (...) {
     called_ = {at->device, "evaluate"};
@@ -468,8 +457,13 @@ std::string DeviceForces::ask_again(int index) const {
   if (!loads.intact() || !out.intact() || !zdot.intact()) return "evaluate writes beyond its arrays";
   const auto same = [](const Handed& a, const double* b, std::size_t n) { return n == 0 || std::memcmp(a.data(), b, n * sizeof *b) == 0; };
   const double* before = d.mounts.empty() ? nullptr : numbers(loads_[d.mount]);
-  for (const AlteredPort& a : altered_out_)
-    if (a.index >= d.out && a.index < d.out + d.n_out) out.data()[a.index - d.out] = a(out.data()[a.index - d.out], time());
+  std::vector<AlteredPort> altered;
+  for (AlteredPort a : altered_out_) {
+    if (a.index < d.out || a.index >= d.out + d.n_out) continue;
+    a.index -= d.out;
+    altered.push_back(a);
+  }
+  alter_ports(altered, out.data(), time());
   if (code == 0 && same(loads, before, d.mounts.size() * kLoad) && same(out, out_ + d.out, d.n_out) &&
       (f.follow || same(zdot, zdot_ + d.z, f.n_states)) && o.delivered == outs_[index].delivered && o.lost == outs_[index].lost)
     return {};

@@ -34,12 +34,18 @@ struct ForeignCall {
   const char* function = "";
 };
 
-/// A port with a fault: whoever reads it gets scale x + offset + drift (t - since) in place of x.
+/// A port with a fault: whoever reads it gets scale x + offset + drift (t - since) in place of x, which is its own value or another's.
 struct AlteredPort {
   int index;                                                   // as in Devices::in0, or of all outputs
   double scale = 1.0, offset = 0.0, drift = 0.0, since = 0.0;  // [-], [unit of the port], [unit of the port / s], [s]
-  double operator()(double x, double t) const { return scale * x + offset + drift * (t - since); }
+  int of = 0;                                                  // so many ports further on is the one whose value x is, in the same device
+  mutable double x = 0.0;                                      // as it was before any of them was altered
 };
+/// All of these; `values` by their indices.
+inline void alter_ports(std::span<const AlteredPort> ports, double* values, double t) {
+  for (const AlteredPort& p : ports) p.x = values[p.index + p.of];
+  for (const AlteredPort& p : ports) values[p.index] = p.scale * p.x + p.offset + p.drift * (t - p.since);
+}
 
 /// All devices of a model, in double. Keeps what the last evaluation found.
 class DeviceForces : public StateLoads<double> {
@@ -150,7 +156,9 @@ class DeviceForces : public StateLoads<double> {
   bool evaluate_others();
   bool evaluate(const std::vector<Call>& calls, const std::vector<Range>& numbers);
   void take_connected(const Call& call);
-  void alter_outputs(const Call& call, double* out) const;
+  static std::span<const AlteredPort> part(const std::vector<AlteredPort>& all, const Range& range) {
+    return std::span(all).subspan(static_cast<std::size_t>(range.begin), static_cast<std::size_t>(range.end - range.begin));
+  }
   /// What `follow` of a device reads.
   cardan_device_args followed(int device) const;
   void zero(const std::vector<Range>& numbers);

@@ -15,6 +15,8 @@ void Simulation::remember(Archive& a) {
   a.block("state").finite(state_.t, numbers(state_.q), numbers(state_.v), numbers(state_.z), numbers(state_.marks));
   a.block("commands")(std::span(tau_));
   if (devices_) a(std::span(devices_->commands), std::span(delayed_), std::span(last_set_), faults_);
+  if (a.reading() && !std::ranges::all_of(faults_, [this](const RunningFault& f) { return is_of_a_port(f); }))
+    a.wrong("a fault of no port");
   for (NodeWrench& w : wrenches_) a(w.f.n.x, w.f.n.y, w.f.n.z, w.f.f.x, w.f.f.y, w.f.f.z);
   a.block("given motion");
   for (Prescribed& p : prescribed_) a(p.profile, p.given, p.t_0, p.q_0);

@@ -133,6 +133,14 @@ std::string description_text(const Json& d) {
     if (device["in_step"].get<bool>())
       out += fmt::format("\n{}: in the right-hand side, {:.2g} us a call ({} so far)\n", device["type"].get<std::string>(),
                          device["us"].get<double>(), device["calls"].get<long>());
+  const Json sequences = d.value("sequences", Json::array());
+  if (!sequences.empty()) out += "\nsequences\n";
+  for (const Json& s : sequences) {
+    const std::string first = s["waits_for"].get<std::string>();
+    out += fmt::format("  {:<17} {}{}\n", s["name"].get<std::string>(),
+                       s["starts"].get<bool>() ? "from the start of the run" : "when it is started",
+                       first.empty() ? "" : ", waits first for " + first);
+  }
   const Json devices = d.value("devices", Json::array());
   if (!devices.empty()) out += "\ndevices, in the order of evaluation\n";
   for (const Json& device : devices) {

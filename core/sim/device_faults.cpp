@@ -15,6 +15,10 @@ namespace {
 
 std::uint32_t kind_of(const PortFault& f) { return f.input ? CARDAN_PORT_IN : CARDAN_PORT_OUT; }
 bool same_port(const PortFault& a, const PortFault& b) { return a.device == b.device && a.input == b.input && a.place == b.place; }
+/// The two faults of one exchange.
+bool are_swapped(const PortFault& a, const PortFault& b) {
+  return a.device == b.device && a.input == b.input && a.swap >= 0 && a.swap == b.place && b.swap == a.place;
+}
 
 /// The device of a fault as it is now; null: it is gone.
 const Device* device_of(const Simulation& sim, const PortFault& f) {
@@ -39,16 +43,25 @@ std::string Simulation::told_port(const PortFault& f) const {
   return d ? fmt::format("{}.{}", d->name, port_at(*d->family, kind_of(f), f.place).name) : "a port of a device that is gone";
 }
 
+/// Of a device that was there once, and of its ports where it still is.
+bool Simulation::is_of_a_port(const PortFault& f) const {
+  if (f.device < 0 || f.device >= static_cast<int>(now_.device.size())) return false;
+  const Device* d = device_of(*this, f);
+  const int n = !d ? 0 : f.input ? d->n_in : d->n_out;
+  return !d || (f.place >= 0 && f.place < n && f.swap >= -1 && f.swap < n);
+}
+
 std::string Simulation::told_fault(const PortFault& f) const {
   const Device* d = device_of(*this, f);
   const std::string port = d ? port_at(*d->family, kind_of(f), f.place).unit : "1", unit = port == "1" ? "" : " " + port;
   if (f.stuck) return f.value ? fmt::format("stuck at {:g}{}", *f.value, unit) : "stuck";
+  if (f.swap >= 0) return "swapped with " + (d ? port_at(*d->family, kind_of(f), f.swap).name : std::string("a port that is gone"));
   std::string all;
   const auto add = [&all](const char* what, double x, double none, const std::string& in) {
     if (x != none) all += fmt::format("{}{} {:g}{}", all.empty() ? "" : ", ", what, x, in);
   };
   add("scale", f.scale, 1.0, ""), add("bias", f.bias, 0.0, unit), add("drift", f.drift, 0.0, port == "1" ? " 1/s" : unit + "/s");
-  add("noise", f.noise, 0.0, unit), add("drop", f.drop, 0.0, "");
+  add("noise", f.noise, 0.0, unit), add("drop", f.drop, 0.0, ""), add("delay", f.delay, 0.0, " s");
   return all;
 }
 
@@ -67,11 +80,34 @@ void Simulation::fault(PortFault f, const SourceMark& told) {
   if ((f.noise != 0.0 || f.drop != 0.0) && !d->family->tick)
     refuse(Code::out_of_range, {at.key_path + (f.noise != 0.0 ? ".noise" : ".drop"), told},
            "a device that samples: they are drawn at its ticks", fmt::format("{}, a {}, which does not", d->name, d->family->type));
-  if (carries_mass(model_->devices, *d, f))
-    refuse(Code::out_of_range, at, "a port that tells something", "one through which mass flows",
-           "the mass would be lost on the way: the fault of the command of the thruster, or its `supply`, says what it may burn");
+  if (f.delay != 0.0 && (!d->family->tick || ticks_of_delay(*d, f.delay) == 0)) {
+    const std::string ticks =
+        d->family->tick ? fmt::format("a whole number of ticks of {}, {:g} s each, at most {}", d->name, period_seconds(*d), kMostTicks)
+                        : "a device that samples: values are kept at its ticks";
+    refuse(Code::out_of_range, {at.key_path + ".delay", told}, ticks,
+           d->family->tick ? fmt::format("{:g} s", f.delay) : fmt::format("{}, a {}, which does not", d->name, d->family->type));
+  }
+  PortFault other = f;
+  if (f.swap >= 0) {
+    require_index(f.input ? "input" : "output", f.swap, f.input ? d->n_in : d->n_out);
+    std::swap(other.place, other.swap);
+    const auto refuse_pair = [&](const char* expected, std::string got) {
+      refuse(Code::out_of_range, {at.key_path + ".swap", told}, expected, std::move(got));
+    };
+    const auto unit = [&](int place) { return port_at(*d->family, kind_of(f), place).unit; };
+    const auto commanded = [&](const PortFault& of) { return model_->devices.is_commanded(index_of(*d, of)); };
+    if (f.swap == f.place) refuse_pair("another port", "the same");
+    if (std::string_view(unit(f.place)) != unit(f.swap))
+      refuse_pair("a port of the same unit", fmt::format("{} and {}", unit(f.place), unit(f.swap)));
+    if (f.input && commanded(f) != commanded(other)) refuse_pair("two inputs that are commanded, or two that are connected", "one of each");
+  }
+  for (const PortFault& of : {f, other})
+    if (carries_mass(model_->devices, *d, of))
+      refuse(Code::out_of_range, at, "a port that tells something", "one through which mass flows",
+             "the mass would be lost on the way: the fault of the command of the thruster, or its `supply`, says what it may burn");
   if (!f.any()) return;
   faults_.push_back({f});
+  if (f.swap >= 0) faults_.push_back({other});
   change_faults();
 }
 
@@ -84,10 +120,19 @@ void Simulation::mend(int device, bool input, int place) {
 
 void Simulation::end_fault(std::ptrdiff_t i) {
   const RunningFault ended = faults_[static_cast<std::size_t>(i)];
-  faults_.erase(faults_.begin() + i);
+  std::erase_if(faults_, [&ended](const RunningFault& f) { return f.begun && (same_port(f, ended) || are_swapped(f, ended)); });
   alter_ports();
   renew(ended);
   if (recorder_ && begun_) recorder_->note(Note::event, state_.t, {told_port(ended), "mended"});
+}
+
+/// Those that are there give way to one that begins; of two ports that are swapped both.
+void Simulation::make_way(const RunningFault& begun) {
+  const auto before =
+      std::ranges::find_if(faults_, [&begun](const RunningFault& f) { return f.begun && same_port(f, begun) && !are_swapped(f, begun); });
+  if (before == faults_.end()) return;
+  const RunningFault gone = *before;
+  std::erase_if(faults_, [&gone](const RunningFault& f) { return f.begun && (same_port(f, gone) || are_swapped(f, gone)); });
 }
 
 /// Between steps: faults that begin or end now. One that begins takes the place of what is there.
@@ -103,9 +148,15 @@ void Simulation::change_faults() {
     RunningFault begun = *f;
     begun.begun = true, begun.kept = kept;
     faults_.erase(f);
-    std::erase_if(faults_, [&begun](const RunningFault& other) { return other.begun && same_port(other, begun); });
+    make_way(begun);
     faults_.push_back(begun);
     alter_ports();
+    if (const Device* d = device_of(*this, begun); d && begun.delay > 0.0) {  // until the first comes through, what it is now
+      RunningFault& late = faults_.back();
+      late.late = unaltered(index_of(*d, begun), begun.input);
+      late.line.assign(static_cast<std::size_t>(ticks_of_delay(*d, begun.delay)), late.late);
+      alter_ports();
+    }
     renew(begun);
     if (recorder_ && begun_) recorder_->note(Note::event, state_.t, {told_port(begun), "fault: " + told_fault(begun)});
   }
@@ -140,16 +191,26 @@ void Simulation::renew(const PortFault& f) {
   observed_ = ledger_known_ = false;  // read anew; the motion goes on as it was
 }
 
+/// What a port gives without its own fault.
+double Simulation::unaltered(int port, bool input) {
+  devices_->alter(input, {port});
+  observed_ = ledger_known_ = false;
+  observe();
+  return input ? devices_->input(port) : devices_->output(port);
+}
+
 /// Noise and losses of the ports of a device at its tick: of inputs before it, of outputs after it.
 void Simulation::draw_faults(int index, bool inputs) {
   for (RunningFault& f : faults_) {
     const Device* d = device_of(*this, f);
-    if (!d || !f.begun || (f.noise == 0.0 && f.drop == 0.0) || d != &model_->devices.all[static_cast<std::size_t>(index)]) continue;
+    if (!d || !f.begun || (f.noise == 0.0 && f.drop == 0.0 && f.line.empty()) || d != &model_->devices.all[static_cast<std::size_t>(index)])
+      continue;
     const int port = index_of(*d, f);
     if (f.input != inputs) {  // an output before the tick: what is lost leaves that
       if (inputs) observe(), f.kept = devices_->output(port);
       continue;
     }
+    if (!f.line.empty()) f.pass(unaltered(port, f.input));
     double drawn[2];
     normal_noise(f.key, static_cast<std::uint64_t>(tick_), 2, drawn);
     f.drawn = f.noise * drawn[0];

@@ -81,6 +81,23 @@ Rational Simulation::period_of(const Device& d, Rational* offset) const {
                          : period_from_seconds(spec.period, model_->spec->locate(path + ".period"));
 }
 
+namespace {
+
+/// time / period, a whole number up to kMostTicks; 0: it is none.
+int whole_ticks(double time, const Rational& period) {
+  const auto ratio = to_rational(time);
+  // time / period = (a d) / (b n)
+  const std::int64_t above = ratio ? ratio->numerator * period.denominator : 1, below = ratio ? ratio->denominator * period.numerator : 0;
+  return below == 0 || above % below != 0 || above / below > kMostTicks ? 0 : static_cast<int>(above / below);
+}
+
+double seconds(const Rational& period) { return static_cast<double>(period.numerator) / static_cast<double>(period.denominator); }
+
+}  // namespace
+
+double Simulation::period_seconds(const Device& d) const { return seconds(period_of(d, nullptr)); }
+int Simulation::ticks_of_delay(const Device& d, double delay) const { return whole_ticks(delay, period_of(d, nullptr)); }
+
 /// A latency in ticks; the memory of all lines.
 void Simulation::resolve_delays() {
   lines_.clear(), delayed_.clear();
@@ -88,19 +105,14 @@ void Simulation::resolve_delays() {
     const Device& clock = model_->devices.all[static_cast<std::size_t>(line.clock)];
     int ticks = line.ticks;
     if (ticks == 0) {
-      const Rational period = period_of(clock, nullptr);
-      const double tick = static_cast<double>(period.numerator) / static_cast<double>(period.denominator);
-      const auto latency = to_rational(line.latency);
-      // latency / period = (a d) / (b n), whole
-      const std::int64_t above = latency ? latency->numerator * period.denominator : 1,
-                         below = latency ? latency->denominator * period.numerator : 0;
-      if (below == 0 || above % below != 0 || above / below > kMostTicks) {
+      const double tick = period_seconds(clock);
+      ticks = ticks_of_delay(clock, line.latency);
+      if (ticks == 0) {
         const double nearest = std::max(1.0, std::round(line.latency / tick));
         refuse(Code::bad_connection, model_->spec->locate(told_input(line.input) + ".latency"),
                fmt::format("a whole number of ticks of {}, {:g} s each, at most {}", clock.name, tick, kMostTicks),
                fmt::format("{:g} s", line.latency), fmt::format("{:g} s, or another rate of {}", nearest * tick, clock.name));
       }
-      ticks = static_cast<int>(above / below);
     }
     lines_.push_back({ticks, static_cast<int>(delayed_.size())});
     delayed_.insert(delayed_.end(), static_cast<std::size_t>(ticks), line.fallback);

@@ -18,22 +18,32 @@ void PortFault::expect_good(const Located& at) const {
   expect(drop >= 0.0 && drop <= 1.0, "drop", "a probability from 0 to 1", drop);
   expect(std::isfinite(from), "from", "a finite time [s]", from);
   expect(until > from, "until", "a time [s] after that at which it begins", until);
-  PortFault others = *this;
-  others.stuck = false;
-  if (stuck && others.any())
-    refuse(Code::out_of_range, {at.key_path + ".stuck", at.mark},
-           "nothing beside it: what is stuck has no scale, bias, drift, noise or drop", "others as well");
+  expect(std::isfinite(delay) && delay >= 0.0, "delay", "a time >= 0 s", delay);
+  const auto expect_alone = [&](const char* key, bool there, bool PortFault::*flag, const char* expected) {
+    PortFault others = *this;
+    if (flag)
+      others.*flag = false;
+    else
+      others.swap = -1;
+    if (there && others.any()) refuse(Code::out_of_range, {at.key_path + "." + key, at.mark}, expected, "others as well");
+  };
+  expect_alone("stuck", stuck, &PortFault::stuck, "nothing beside it: what is stuck has no scale, bias, drift, noise, drop, delay or swap");
+  expect_alone("swap", swap >= 0, nullptr, "nothing beside it: what is swapped has no scale, bias, drift, noise, drop or delay");
 }
 
 AlteredPort RunningFault::altered(int index) const {
   if (stuck || lost) return {index, 0.0, kept};
+  if (swap >= 0) return {.index = index, .of = swap - place};
+  if (!line.empty()) return {index, 0.0, scale * late + bias + drawn, drift, from};
   return {index, scale, bias + drawn, drift, from};
 }
 
 void RunningFault::remember(Archive& a) {
   bool has_value = value.has_value();
   double at = value.value_or(0.0);
-  a(device, input, place).finite(scale, bias, drift, at, noise, drop, from, drawn, kept)(until, stuck, has_value, begun, lost);
+  a(device, input, place).finite(scale, bias, drift, at, noise, drop, delay, from, drawn, kept, late)(until, stuck, has_value, begun, lost);
+  a(swap, oldest).finite(line);
+  if (oldest < 0 || (oldest > 0 && oldest >= static_cast<int>(line.size()))) a.wrong("a delay that is none");
   value = has_value ? std::optional(at) : std::nullopt;
 }
 

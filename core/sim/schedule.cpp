@@ -27,6 +27,15 @@ Rational period(double value, bool is_hertz, const Located& at) {
   return is_hertz ? Rational{ratio->denominator, ratio->numerator} : *ratio;
 }
 
+constexpr std::int64_t kFinestUnit = std::int64_t{1} << 53;  // parts of a second are exact as doubles: what coincides has the same time
+
+/// n / unit seconds.
+Instant instant_of(Wide n, std::int64_t unit) {
+  Wide whole = n / unit, part = n % unit;
+  if (part < 0) --whole, part += unit;
+  return {static_cast<std::int64_t>(whole), static_cast<std::int64_t>(part), unit};
+}
+
 }  // namespace
 
 /// Continued fraction of |value|: its convergents are the best approximations for their size.
@@ -46,6 +55,30 @@ std::optional<Rational> to_rational(double value) {
   return Rational{static_cast<std::int64_t>(std::copysign(p, value)), static_cast<std::int64_t>(q)};
 }
 
+std::optional<Instant> to_instant(double t) {
+  const std::optional<Rational> ratio = to_rational(t);
+  if (!ratio) return std::nullopt;
+  const Instant instant = instant_of(ratio->numerator, ratio->denominator);
+  return instant.seconds() == t ? std::optional(instant) : std::nullopt;
+}
+
+std::optional<Instant> later(const Instant& i, double duration) {
+  const std::optional<Rational> more = to_rational(duration);
+  if (!more) return std::nullopt;
+  const Wide unit = static_cast<Wide>(i.unit) / std::gcd(i.unit, more->denominator) * more->denominator;
+  if (unit > kFinestUnit) return std::nullopt;
+  const Wide n = static_cast<Wide>(i.whole) * unit + unit / i.unit * i.part + unit / more->denominator * more->numerator;
+  return instant_of(n, static_cast<std::int64_t>(unit));
+}
+
+Instant next_tick(const Rational& period, double t) {
+  const auto tick = [&period](std::int64_t k) { return instant_of(static_cast<Wide>(k) * period.numerator, period.denominator); };
+  const double k = std::floor(t * static_cast<double>(period.denominator) / static_cast<double>(period.numerator)) - 2.0;
+  auto next = static_cast<std::int64_t>(std::max(k, 0.0));
+  while (tick(next).seconds() <= t) ++next;
+  return tick(next);
+}
+
 Rational period_from_hertz(double hertz, const Located& at) { return period(hertz, true, at); }
 Rational period_from_seconds(double seconds, const Located& at) { return period(seconds, false, at); }
 
@@ -56,8 +89,7 @@ int Schedule::add(Rational period, Rational offset) {
   if (!fits(period) || !fits(offset) || period.numerator <= 0)
     throw std::logic_error("Schedule::add: period and offset must be fractions of numbers up to 1e9, the period positive");
   const std::int64_t unit = std::lcm(period.denominator, offset.denominator);
-  if (unit > std::int64_t{1} << 53)  // parts of a second are exact as doubles: what coincides has the same time
-    throw std::logic_error("Schedule::add: period and offset have no common unit of time");
+  if (unit > kFinestUnit) throw std::logic_error("Schedule::add: period and offset have no common unit of time");
   entries_.push_back({offset.numerator * (unit / offset.denominator), period.numerator * (unit / period.denominator), unit, 0});
   look_ahead();
   return static_cast<int>(entries_.size()) - 1;
@@ -129,11 +161,8 @@ bool Schedule::stands_at(double t) const {
                      [t](const Entry& e) { return e.instant().seconds() >= t && (e.k == 0 || e.instant(e.k - 1).seconds() <= t); });
 }
 
-Schedule::Instant Schedule::Entry::instant(std::int64_t tick) const {
-  const Wide n = static_cast<Wide>(first) + static_cast<Wide>(tick) * step;
-  Wide whole = n / unit, part = n % unit;
-  if (part < 0) --whole, part += unit;
-  return {static_cast<std::int64_t>(whole), static_cast<std::int64_t>(part), unit};
+Instant Schedule::Entry::instant(std::int64_t tick) const {
+  return instant_of(static_cast<Wide>(first) + static_cast<Wide>(tick) * step, unit);
 }
 
 bool Schedule::before(const Instant& a, const Instant& b) {

@@ -27,6 +27,18 @@ std::optional<Rational> to_rational(double value);
 Rational period_from_hertz(double hertz, const Located& at);
 Rational period_from_seconds(double seconds, const Located& at);
 
+/// whole + part/unit [s], 0 <= part < unit <= 2^53: exact, and the same numbers reduce to the same double.
+struct Instant {
+  std::int64_t whole = 0, part = 0, unit = 1;
+  double seconds() const { return static_cast<double>(whole) + static_cast<double>(part) / static_cast<double>(unit); }
+};
+/// The instant whose double is t [s], where that is a ratio as to_rational() finds it; empty: t is somewhere between.
+std::optional<Instant> to_instant(double t);
+/// `duration` [s] after it; empty where that is no ratio, or the sum has too fine a unit.
+std::optional<Instant> later(const Instant& instant, double duration);
+/// The first k * period after t [s], k = 0, 1, ...
+Instant next_tick(const Rational& period, double t);
+
 class Schedule {
  public:
   struct Tick {
@@ -56,12 +68,6 @@ class Schedule {
   Tick next();
 
  private:
-  /// offset + k * period = whole + part/unit [s], 0 <= part < unit: exact, and the same numbers reduce to the same
-  /// double.
-  struct Instant {
-    std::int64_t whole, part, unit;
-    double seconds() const { return static_cast<double>(whole) + static_cast<double>(part) / static_cast<double>(unit); }
-  };
   struct Entry {
     std::int64_t first, step, unit;  // tick k at (first + k * step) / unit seconds
     std::int64_t k;

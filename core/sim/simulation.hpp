@@ -57,6 +57,7 @@ struct Event {
   std::function<double(double t, const double* q, const double* v)> function;
   int direction = 0;             // +1 rising, -1 falling, 0 both
   std::function<void()> action;  // may change commands and state, and stop the run
+  bool noted = true;             // in the results
 };
 
 /// Quantities written at each output time.
@@ -116,6 +117,13 @@ class Simulation {
   /// The same of one that only looks: SimulationOptions::between_steps lets it lie inside of steps, where changing anything is refused.
   void watch(Rational period, std::function<void()> task, Rational offset = {});
   void add_event(Event event);
+  /// The function of an event is another one from now on: the integrator starts anew.
+  void events_changed() { start_anew_for(doing_); }
+  /// What happens at instants that it chooses itself: `next` tells the one to come [s], infinite for none, at which a step ends and `work`
+  /// is called, before the tasks of that instant; and once more after them, where they have chosen it.
+  void at_instants(std::function<double()> next, std::function<void()> work) {
+    next_instant_ = std::move(next), at_instant_ = std::move(work);
+  }
   /// The motion of a prescribed component from now on; its coordinate goes on from where it is. InputError C0402 for a component
   /// that is not prescribed.
   void prescribe(int v_index, MotionProfile profile);
@@ -307,9 +315,14 @@ class Simulation {
   void sample_delays(int clock);
   void expire_commands();
   double next_timeout() const;
+  bool is_of_a_port(const PortFault& fault) const;
   void change_faults();
   void begin_faults_anew();
   void end_fault(std::ptrdiff_t i);
+  void make_way(const RunningFault& begun);
+  double unaltered(int port, bool input);
+  double period_seconds(const Device& device) const;
+  int ticks_of_delay(const Device& device, double delay) const;
   double next_fault() const;
   void alter_ports();
   void renew(const PortFault& fault);
@@ -334,6 +347,8 @@ class Simulation {
   void restart();
   void step(double t_stop);
   void tick();
+  void pass_instant();
+  double next_instant() const { return next_instant_ ? next_instant_() : std::numeric_limits<double>::infinity(); }
   void look_inside(double t_end);
   void handle_events(std::span<const int> crossed);
   std::string why_open() const;
@@ -421,6 +436,8 @@ class Simulation {
     int device;  // ... where the ticks of this one, an id, do not; -1: of none
   };
   std::vector<Task> tasks_;
+  std::function<double()> next_instant_;  // of at_instants(); null: there are none
+  std::function<void()> at_instant_;
   bool inside_ = false, keep_later_ = false, ledger_asked_ = false;  // in a look inside of a step; what is to follow at its end
   double t_inside_ = 0.0;                                            // [s] where the integrator is asked for the state
   std::vector<double> x_inside_;

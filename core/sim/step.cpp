@@ -43,11 +43,13 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   while (!stopped_) {
     doing_ = RestartCause::tick;
     change_faults();
+    pass_instant();
     tick();  // controllers, then outputs, in the order they were registered
+    pass_instant();
     expire_commands();
     if (next_model_) take_in();
     if (stopped_ || state_.t >= t_end) break;
-    step(std::min({t_end, schedule_.stop(), next_corner()}));
+    step(std::min({t_end, schedule_.stop(), next_corner(), next_instant()}));
     if (std::exchange(keep_later_, false)) keep_steps();
     if (next_model_) take_in();
     expect_progress();
@@ -185,6 +187,13 @@ bool Simulation::evaluate(double t, double since, const double* x, double* vdot)
   return false;
 }
 
+// What chose this instant for itself.
+void Simulation::pass_instant() {
+  if (stopped_ || next_instant() > state_.t) return;
+  const Stopwatch watch(timed(&RunProfile::tasks));
+  at_instant_();
+}
+
 // Everything that ticks now, one after the other: a checkpoint that one of the tasks makes knows which are still to come at this instant.
 void Simulation::tick() {
   bool looked = false, acted = false;
@@ -256,7 +265,7 @@ void Simulation::handle_events(std::span<const int> crossed) {
   for (std::size_t i = 0; i < events_.size() && !stopped_; ++i)
     if (crossed[i] != 0 && (events_[i].direction == 0 || events_[i].direction == crossed[i])) {
       expect_no_storm(events_[i]);
-      if (recorder_) recorder_->note(Note::event, state_.t, {events_[i].name, crossed[i] > 0 ? "rising" : "falling"});
+      if (recorder_ && events_[i].noted) recorder_->note(Note::event, state_.t, {events_[i].name, crossed[i] > 0 ? "rising" : "falling"});
       if (events_[i].action) events_[i].action();
     }
 }

@@ -29,6 +29,16 @@ void expect_setup(lua_State* L, const Scenario& s, const char* what, bool needs_
 
 std::string listed(const std::vector<std::string>& names) { return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", ")); }
 
+double seconds_at(lua_State* L, int index, const char* what) {
+  if (lua_type(L, index) == LUA_TNUMBER && std::isfinite(lua_tonumber(L, index))) return lua_tonumber(L, index);
+  if (lua_type(L, index) != LUA_TSTRING)
+    refuse(L, Code::lua_argument, what, "a time in s, or a text with a unit", describe_value(L, index));
+  const auto value = parse_quantity(lua_tostring(L, index), "s");
+  if (const double* seconds = std::get_if<double>(&value)) return *seconds;
+  const auto& fault = std::get<QuantityFault>(value);
+  refuse(L, fault.code, what, fault.expected, fault.got, fault.hint);
+}
+
 void make_handle_type(lua_State* L, const char* type, const std::vector<luaL_Reg>& methods, lua_CFunction text) {
   luaL_newmetatable(L, type);
   lua_newtable(L);

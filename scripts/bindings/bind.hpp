@@ -15,6 +15,7 @@ void bind_declarations(Scenario&);   // controller, phase, event, check, figure,
 void bind_script_device(Scenario&);  // device
 void bind_astronomy(Scenario&);      // astro
 void bind_control(Scenario&);        // control
+void bind_sequences(Scenario&);      // sequence, wait, at, wait_until
 void bind_handles(Scenario&);        // bodies, hinges, modes, nodes, loads
 
 /// Pushes the handle of the vehicle.
@@ -24,6 +25,8 @@ void make_handle_type(lua_State* L, const char* type, const std::vector<luaL_Reg
 
 /// "bus, wing"; "none"
 std::string listed(const std::vector<std::string>& names);
+/// The argument at `index`: a finite number of seconds, or a text with a unit: "5 min".
+double seconds_at(lua_State* L, int index, const char* what);
 /// Refuses a declaration during the run, or before `vehicle` where it needs one.
 void expect_setup(lua_State* L, const Scenario&, const char* what, bool needs_vehicle);
 

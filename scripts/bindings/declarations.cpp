@@ -167,7 +167,6 @@ int store(lua_State* L) {
   }
   return 0;
 }
-int guarded_store(lua_State* L) { return LuaHost::guarded(L, store); }
 
 bool is_channel_path(const std::string& path) {
   return !path.empty() && path.front() != '/' && path.back() != '/' && path.find("//") == std::string::npos &&
@@ -220,7 +219,7 @@ int signals(lua_State* L, Scenario& s) {
     t->finish();
     signal->values.assign(c.components.size(), std::nan(""));
     lua_pushlightuserdata(L, signal.get());
-    lua_pushcclosure(L, guarded_store, 1);
+    lua_pushcclosure(L, method<store>, 1);
     lua_setfield(L, out, path.c_str());
     s.signals.push_back(std::move(signal));
   }
@@ -232,7 +231,7 @@ int signals(lua_State* L, Scenario& s) {
 
 int stop(lua_State* L, Scenario& s) {
   if (s.stage != Scenario::Stage::run || s.in_event_function)
-    refuse(L, Code::lua_argument, "stop", "a call from a controller, a phase or an event's action", "one from elsewhere");
+    refuse(L, Code::lua_argument, "stop", "a call from a controller, a sequence, a phase or an event's action", "one from elsewhere");
   s.stopped_by = s.actor;
   s.sim->stop();
   return 0;

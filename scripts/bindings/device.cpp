@@ -154,13 +154,24 @@ int device_fault(lua_State* L) {
   const Device& d = device_of(h);
   const std::string unit = port_at(*d.family, faults[0].input ? CARDAN_PORT_IN : CARDAN_PORT_OUT, faults[0].place).unit;
   bool any = false;
-  for (const char* key : {"scale", "bias", "drift", "stuck", "noise", "drop"}) any = t.has(key) || any;
-  if (!any) t.reject("port", "beside it one of: scale, bias, drift, stuck, noise, drop", "what is wrong with it; `mend` ends a fault");
+  for (const char* key : {"scale", "bias", "drift", "stuck", "noise", "drop", "delay", "swap"}) any = t.has(key) || any;
+  if (!any)
+    t.reject("port", "beside it one of: scale, bias, drift, stuck, noise, drop, delay, swap", "what is wrong with it; `mend` ends a fault");
   read_each(L, t, "scale", "1", faults, &PortFault::scale);
   read_each(L, t, "bias", unit, faults, &PortFault::bias);
   read_each(L, t, "drift", unit == "1" ? "1/s" : unit + "/s", faults, &PortFault::drift);
   read_each(L, t, "noise", unit, faults, &PortFault::noise);
   read_each(L, t, "drop", "1", faults, &PortFault::drop);
+  read_each(L, t, "delay", "s", faults, &PortFault::delay);
+  if (t.has("swap")) {
+    lua_getfield(L, 2, "swap");
+    const Place other = place(L, h, {p.what}, lua_gettop(L));
+    lua_pop(L, 1);
+    if (other.size != p.size)
+      t.reject("swap", p.size == 0 ? "a number, as the port is" : fmt::format("a vector of {}, as the port is", p.size));
+    else
+      for (std::size_t i = 0; i < faults.size(); ++i) faults[i].swap = other.index - (faults[0].input ? d.in : d.out) + static_cast<int>(i);
+  }
   const int stuck = lua_getfield(L, 2, "stuck");
   lua_pop(L, 1);
   if (stuck == LUA_TBOOLEAN) {

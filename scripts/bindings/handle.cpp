@@ -3,14 +3,15 @@
 #include <fmt/format.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 
 namespace cardan {
 namespace {
 
-constexpr const char* kTypes[] = {"cardan.vehicle", "cardan.body", "cardan.hinge",  "cardan.modes",
-                                  "cardan.node",    "cardan.load", "cardan.device", "cardan.loop"};
-constexpr const char* kWords[] = {"vehicle", "body", "hinge", "modes", "node", "load", "device", "loop"};
+constexpr const char* kTypes[] = {"cardan.vehicle", "cardan.body",   "cardan.hinge", "cardan.modes",   "cardan.node",
+                                  "cardan.load",    "cardan.device", "cardan.loop",  "cardan.sequence"};
+constexpr const char* kWords[] = {"vehicle", "body", "hinge", "modes", "node", "load", "device", "loop", "sequence"};
 
 /// hinge "rod": angle
 int handle_text(lua_State* L) {
@@ -50,6 +51,9 @@ int handle_text(lua_State* L) {
       text = named(loop.name, fmt::format(": {}", loop.type));
       break;
     }
+    case Kind::sequence:
+      text = named(h.sequence().name, fmt::format(": {}", Sequences::name_of(h.sequence().state)));
+      break;
     default:
       text = named(h.user().name);
   }
@@ -75,6 +79,13 @@ void push_handle(lua_State* L, Kind kind, int index, Scenario& s) {
   auto* h = static_cast<Handle*>(lua_newuserdatauv(L, sizeof(Handle), 0));
   *h = {kind, index, &s};
   luaL_setmetatable(L, kTypes[static_cast<int>(kind)]);
+}
+
+bool is_handle(lua_State* L, int index) {
+  if (lua_type(L, index) != LUA_TUSERDATA || luaL_getmetafield(L, index, "__name") != LUA_TSTRING) return false;
+  const bool is = std::ranges::find(kTypes, std::string_view(lua_tostring(L, -1))) != std::end(kTypes);
+  lua_pop(L, 1);
+  return is;
 }
 
 void expect_state(lua_State* L, const Scenario& s, const char* what) {
@@ -116,7 +127,7 @@ void bind_handles(Scenario& s) {
   s.lua.protect([](lua_State* L) {
     int kind = 0;
     for (const auto& methods : {vehicle_methods(), body_methods(), hinge_methods(), modes_methods(), node_methods(), load_methods(),
-                                device_methods(), loop_methods()})
+                                device_methods(), loop_methods(), sequence_methods()})
       make_handle_type(L, kTypes[kind++], methods, method<handle_text>);
   });
 }

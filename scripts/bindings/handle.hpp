@@ -9,13 +9,14 @@
 
 namespace cardan {
 
-enum class Kind : int { vehicle, body, hinge, modes, node, load, device, loop };
+enum class Kind : int { vehicle, body, hinge, modes, node, load, device, loop, sequence };
 
 struct Handle {
   Kind kind;
-  int index;  // user body, node, slot, device, or loop of the description
+  int index;  // user body, node, slot, device, loop of the description, or sequence
   Scenario* scenario;
   const UserBody& user() const { return scenario->present().user[static_cast<std::size_t>(index)]; }
+  const Sequences::Sequence& sequence() const { return scenario->sequences.all()[static_cast<std::size_t>(index)]; }
 };
 
 /// The handle at argument 1, on which a method was called; refused if it is of another kind.
@@ -25,15 +26,18 @@ Handle& self(lua_State* L) {
   return handle_of(L, kKind);
 }
 void push_handle(lua_State* L, Kind kind, int index, Scenario& s);
+/// Whether the value at `index` is one, of any kind.
+bool is_handle(lua_State* L, int index);
 
-const std::vector<luaL_Reg>& vehicle_methods();  // vehicle.cpp
-const std::vector<luaL_Reg>& body_methods();     // body.cpp
-const std::vector<luaL_Reg>& hinge_methods();    // hinge.cpp
-const std::vector<luaL_Reg>& modes_methods();    // modes.cpp
-const std::vector<luaL_Reg>& node_methods();     // node.cpp
-const std::vector<luaL_Reg>& load_methods();     // node.cpp
-const std::vector<luaL_Reg>& device_methods();   // device.cpp
-const std::vector<luaL_Reg>& loop_methods();     // loop.cpp
+const std::vector<luaL_Reg>& vehicle_methods();   // vehicle.cpp
+const std::vector<luaL_Reg>& body_methods();      // body.cpp
+const std::vector<luaL_Reg>& hinge_methods();     // hinge.cpp
+const std::vector<luaL_Reg>& modes_methods();     // modes.cpp
+const std::vector<luaL_Reg>& node_methods();      // node.cpp
+const std::vector<luaL_Reg>& load_methods();      // node.cpp
+const std::vector<luaL_Reg>& device_methods();    // device.cpp
+const std::vector<luaL_Reg>& loop_methods();      // loop.cpp
+const std::vector<luaL_Reg>& sequence_methods();  // sequence.cpp
 
 /// Event functions are evaluated at trial states, where only coordinates are known.
 void expect_state(lua_State* L, const Scenario& s, const char* what);

@@ -207,7 +207,8 @@ int mission(lua_State* L, Scenario& s) {
 /// mission.enter(name): that phase begins, the present one ends.
 int enter(lua_State* L, Scenario& s) {
   if (s.stage != Scenario::Stage::run || s.in_event_function)
-    refuse(L, Code::lua_argument, "mission.enter", "a call from a controller, a phase or an event's action", "one from elsewhere");
+    refuse(L, Code::lua_argument, "mission.enter", "a call from a controller, a sequence, a phase or an event's action",
+           "one from elsewhere");
   const std::vector<std::string> known = names_of(s.phases);
   const std::string wanted = lua_type(L, 1) == LUA_TSTRING ? lua_tostring(L, 1) : "";
   const std::size_t index = index_of_phase(s.phases, wanted);

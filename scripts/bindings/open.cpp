@@ -99,6 +99,7 @@ std::unique_ptr<Scenario> bare_scenario(const ScenarioOptions& options) {
   bind_declarations(*s);
   bind_astronomy(*s);
   bind_control(*s);
+  bind_sequences(*s);
   bind_handles(*s);
   bind_operators(*s);
   bind_sim(*s, nullptr);

@@ -71,17 +71,6 @@ int vdot(lua_State* L) {
   return 1;
 }
 
-/// A finite number of seconds, or a text with a unit: "5 min".
-double time_at(lua_State* L, int index, const char* what) {
-  if (lua_type(L, index) == LUA_TNUMBER && std::isfinite(lua_tonumber(L, index))) return lua_tonumber(L, index);
-  if (lua_type(L, index) != LUA_TSTRING)
-    refuse(L, Code::lua_argument, what, "a time in s, or a text with a unit", describe_value(L, index));
-  const auto value = parse_quantity(lua_tostring(L, index), "s");
-  if (const double* seconds = std::get_if<double>(&value)) return *seconds;
-  const auto& fault = std::get<QuantityFault>(value);
-  refuse(L, fault.code, what, fault.expected, fault.got, fault.hint);
-}
-
 /// Of each hinge with a quaternion: no rotation belongs to the zero quaternion, and squares of what is far from 1 leave the range
 /// of numbers.
 void expect_quaternions(lua_State* L, const Model& m, const Eigen::VectorXd& q) {
@@ -129,7 +118,8 @@ int state(lua_State* L) {
     return 1;
   }
   Workbench& bench = workbench(L, "sim:state{...}");
-  if (bench.is_running()) refuse(L, Code::lua_argument, "sim:state", "a call between runs", "one from a controller, a phase or an event");
+  if (bench.is_running())
+    refuse(L, Code::lua_argument, "sim:state", "a call between runs", "one from a controller, a sequence, a phase or an event");
   DiagnosticSink sink;
   LuaTable table(L, 2, "sim:state", sink);
   State state = s.sim->state();
@@ -170,8 +160,9 @@ int vehicle(lua_State* L) {
 int run_to(lua_State* L) {
   Workbench& bench = workbench(L, "sim:run_to");
   Scenario& s = bench.scenario();
-  const double to = time_at(L, 2, "sim:run_to"), now = s.sim->time();
-  if (bench.is_running()) refuse(L, Code::lua_argument, "sim:run_to", "a call between runs", "one from a controller, a phase or an event");
+  const double to = seconds_at(L, 2, "sim:run_to"), now = s.sim->time();
+  if (bench.is_running())
+    refuse(L, Code::lua_argument, "sim:run_to", "a call between runs", "one from a controller, a sequence, a phase or an event");
   if (!(to >= now))
     refuse(L, Code::lua_argument, "sim:run_to", fmt::format("a time from {} s on", now), describe_value(L, 2),
            "sim:state{t = ...} goes back");

@@ -32,9 +32,10 @@ void add_check(CommandLine& line) {
     s->warnings.add(doubts_at_start(*s->model, s->sim->state().q.data(), s->sim->state().v.data()));
     quiet = true;  // what functions of the run say is said in a run
     const std::vector<std::string> elsewhere = kept_elsewhere_at_start(*s);
-    fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}, {:g} s{}\n", bodies(s->model->user.size()), s->model->nq,
+    fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}{}, {:g} s{}\n", bodies(s->model->user.size()), s->model->nq,
                s->model->nv, count(static_cast<std::size_t>(s->model->n_modes), "mode"), count(s->controllers.size(), "controller"),
-               count(s->events.size(), "event"), count(s->checks.size(), "check"), s->mission.duration,
+               count(s->events.size(), "event"), count(s->checks.size(), "check"),
+               s->sequences.empty() ? "" : ", " + count(s->sequences.all().size(), "sequence"), s->mission.duration,
                s->warnings.empty() ? "" : fmt::format(", {}", count(s->warnings.all().size(), "warning")));
     if (!elsewhere.empty() && s->mission.checkpoint_period) fmt::print("{}", kept_elsewhere_text(elsewhere));
     fmt::print(stderr, "{}", render(s->warnings));

@@ -20,7 +20,13 @@ void add_describe(CommandLine& line) {
   command.option("--modes", options->n_modes, "So many modes of the assembled system (default: 10, of up to 400 velocities)")
       .between(0, 1000);
   command.action([arguments, as_json, options] {
-    const auto s = open_scenario(arguments->options());
+    ScenarioOptions scenario = arguments->options();
+    bool quiet = false;
+    scenario.print = [&quiet, print = scenario.print](std::string_view text) {
+      if (!quiet) print(text);
+    };
+    const auto s = open_scenario(scenario);
+    quiet = true;  // what sequences say on the way to their first wait is said in a run
     const Json description = describe_scenario(*s, *options);
     fmt::print("{}", *as_json ? json_text(description) : modes_line(*s) + description_text(description));
     return 0;

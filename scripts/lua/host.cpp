@@ -161,7 +161,8 @@ LuaHost::LuaHost(LuaOptions options) : options_(std::move(options)), state_(null
     lua_newtable(L);
     lua_setfield(L, LUA_REGISTRYINDEX, kModules);
   });
-  bind("require", [this](lua_State* L) { return require(L); });
+  bind(
+      "require", [this](lua_State* L) { return require(L); }, false);
 }
 
 void LuaHost::run_file(const std::string& name, const LuaBudget& budget) {
@@ -178,18 +179,18 @@ void LuaHost::run_text(const std::string& name, std::string_view text, const Lua
       budget);
 }
 
-void LuaHost::push(lua_State* L, Binding function) {
-  bindings_.push_back(std::move(function));
+void LuaHost::push(lua_State* L, Binding function, bool taped) {
+  bindings_.push_back({std::move(function), taped});
   lua_pushlightuserdata(L, &bindings_.back());
   lua_pushcclosure(L, dispatch, 1);
 }
 
-void LuaHost::bind(const std::string& name, Binding function) {
+void LuaHost::bind(const std::string& name, Binding function, bool taped) {
   protect([&](lua_State* L) {
     lua_pushglobaltable(L);
     const std::size_t dot = name.find('.');
     if (dot != std::string::npos) luaL_getsubtable(L, -1, name.substr(0, dot).c_str());
-    push(L, std::move(function));
+    push(L, std::move(function), taped);
     lua_setfield(L, -2, name.substr(dot + 1).c_str());  // npos + 1 = 0
   });
 }
@@ -250,6 +251,11 @@ int LuaHost::trampoline(lua_State* L) {
 }
 
 int LuaHost::dispatch(lua_State* L) {
+  const bool taped = static_cast<Bound*>(lua_touserdata(L, lua_upvalueindex(1)))->taped;
+  return taped ? offered(L, call_binding) : call_binding(L);
+}
+
+int LuaHost::call_binding(lua_State* L) {
   struct InBinding {  // C++ works on this thread, and its time is not the script's
     LuaHost& host;
     lua_State* const before;
@@ -264,7 +270,7 @@ int LuaHost::dispatch(lua_State* L) {
     }
   };
   charge(L, 1);
-  const Binding& function = *static_cast<Binding*>(lua_touserdata(L, lua_upvalueindex(1)));
+  const Binding& function = static_cast<Bound*>(lua_touserdata(L, lua_upvalueindex(1)))->function;
   return translated(L, [&] {
     const InBinding scope(of(L), L);
     return function(L);
@@ -273,6 +279,27 @@ int LuaHost::dispatch(lua_State* L) {
 
 int LuaHost::guarded(lua_State* L, lua_CFunction function) {
   return translated(L, [&] { return function(L); });
+}
+
+int LuaHost::offered(lua_State* L, lua_CFunction function) {
+  Tape* const tape = of(L).tape_;
+  return tape ? translated(L, [&] { return tape->call(L, function); }) : function(L);
+}
+
+bool LuaHost::resume(lua_State* L, lua_State* coroutine, int n) {
+  int given = 0;
+  const int status = lua_resume(coroutine, L, n, &given);
+  if (status == LUA_YIELD || status == LUA_OK) {
+    lua_pop(coroutine, given);
+    return status == LUA_YIELD;
+  }
+  if (is_exhausted(L)) exceed(L, meter_.exceeded);
+  if (auto* failure = static_cast<std::exception_ptr*>(luaL_testudata(coroutine, -1, kFailure))) std::rethrow_exception(*failure);
+  locate_error(coroutine);
+  located_ = true;
+  lua_xmove(coroutine, L, 1);
+  lua_error(L);
+  std::abort();  // not reached: lua_error throws
 }
 
 // ---- budget ----
@@ -412,13 +439,18 @@ void LuaHost::locate(lua_State* L, std::string_view message) {
 
 int LuaHost::on_error(lua_State* L) {
   LuaHost& host = of(L);
-  if (is_exhausted(L) || luaL_testudata(L, 1, kFailure)) return 1;
-  const int type = lua_type(L, 1);
-  const bool has_text = type == LUA_TSTRING || type == LUA_TNUMBER || luaL_getmetafield(L, 1, "__tostring") != LUA_TNIL;
-  host.locate(L, has_text ? luaL_tolstring(L, 1, nullptr) : lua_pushfstring(L, "error object is a %s value", luaL_typename(L, 1)));
-  host.fault_.hint = hint_for(L, host.fault_.message);
-  lua_settop(L, 1);
+  if (std::exchange(host.located_, false) || is_exhausted(L) || luaL_testudata(L, 1, kFailure)) return 1;
+  host.locate_error(L);
   return 1;
+}
+
+/// The same of the error object at the top, which stays there.
+void LuaHost::locate_error(lua_State* L) {
+  const int at = lua_gettop(L), type = lua_type(L, at);
+  const bool has_text = type == LUA_TSTRING || type == LUA_TNUMBER || luaL_getmetafield(L, at, "__tostring") != LUA_TNIL;
+  locate(L, has_text ? luaL_tolstring(L, at, nullptr) : lua_pushfstring(L, "error object is a %s value", luaL_typename(L, at)));
+  fault_.hint = hint_for(L, fault_.message);
+  lua_settop(L, at);
 }
 
 void LuaHost::fail(lua_State* L, int status, int base, const Meter& meter) {

@@ -17,6 +17,7 @@
 #include <string>
 #include <string_view>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "core/base/diagnostic.hpp"
@@ -55,6 +56,16 @@ class LuaHost {
   /// any std::exception: a script's pcall can catch it, otherwise it leaves `protect` unchanged.
   using Binding = std::function<int(lua_State*)>;
 
+  /// Stands between a script and what C++ offers to it, bindings and methods of handles: to keep what they gave, or to give it again.
+  class Tape {
+   public:
+    virtual ~Tape() = default;
+    /// In place of function(L).
+    virtual int call(lua_State* L, lua_CFunction function) = 0;
+    /// What the script does now it has done before.
+    virtual bool is_played() const = 0;
+  };
+
   static constexpr char kModules[] = "cardan.modules";  ///< key in the registry: what `require` has returned, by names
 
   explicit LuaHost(LuaOptions options = {});
@@ -66,10 +77,17 @@ class LuaHost {
   /// Runs `text`; `name` stands for the file in messages.
   void run_text(const std::string& name, std::string_view text, const LuaBudget& budget = kSetupBudget);
 
-  /// Makes a global function; "mission.phase" puts it into the global table `mission`, which is made if absent.
-  void bind(const std::string& name, Binding function);
+  /// Makes a global function; "mission.phase" puts it into the global table `mission`, which is made if absent. `taped`: a Tape is told.
+  void bind(const std::string& name, Binding function, bool taped = true);
   /// Pushes a function (inside protect); it is kept until the host ends, so this is for set-up.
-  void push(lua_State* L, Binding function);
+  void push(lua_State* L, Binding function, bool taped = true);
+
+  /// Null: none, as at first. Returns the one before.
+  Tape* set_tape(Tape* tape) { return std::exchange(tape_, tape); }
+  bool is_played() const { return tape_ && tape_->is_played(); }
+  /// Inside protect: goes on with a coroutine on whose stack its function, or what its yield returns, has n arguments. True: it has
+  /// yielded, and gave nothing; false: it has ended. What goes wrong in it is told with its own stack.
+  bool resume(lua_State* L, lua_State* coroutine, int n);
 
   /// Calls job(lua_State*) where Lua errors are caught, with a fresh budget, and leaves the stack as it was: use it
   /// around anything that may raise a Lua error. May be nested (a binding that runs a simulation that calls
@@ -84,6 +102,8 @@ class LuaHost {
   /// Calls `function`; a std::exception that it throws goes on as in a Binding. For methods of userdata: unlike a Binding,
   /// this costs nothing. Inside, Poll::now() ends it where the person interrupts or the time is up.
   static int guarded(lua_State* L, lua_CFunction function);
+  /// The same of a function that a Tape is told of: function(L) is guarded.
+  static int offered(lua_State* L, lua_CFunction function);
   static LuaHost& of(lua_State* L) { return **static_cast<LuaHost**>(lua_getextraspace(L)); }
   /// Spends steps of the running call's budget; raises the error that no script can catch when they are used up.
   static void charge(lua_State* L, std::int64_t steps);
@@ -130,6 +150,7 @@ class LuaHost {
   static int on_error(lua_State* L);
   static int trampoline(lua_State* L);
   static int dispatch(lua_State* L);
+  static int call_binding(lua_State* L);
   template <class F>
   static int translated(lua_State* L, F&& f);
   void open_libraries(lua_State* L);  // sandbox.cpp
@@ -140,6 +161,7 @@ class LuaHost {
   [[noreturn]] void fail(lua_State* L, int status, int base, const Meter& meter);
   [[noreturn]] void exceed(lua_State* L, Limit limit);
   void locate(lua_State* L, std::string_view message);
+  void locate_error(lua_State* L);
   SourceMark mark_of(const std::string& chunk, int line) const;
   void load(lua_State* L, const std::string& chunk, std::string_view text);
   std::string read(const std::string& name, const Diagnostic& if_absent) const;
@@ -155,7 +177,13 @@ class LuaHost {
   bool time_counts_ = true;  // false in a Binding: what C++ works there is not the script's
   LuaBudget call_budget_ = kCallBudget;
   Fault fault_;
-  std::deque<Binding> bindings_;
+  bool located_ = false;  // of the error on its way, in a coroutine: fault_ has its place
+  struct Bound {
+    Binding function;
+    bool taped;
+  };
+  std::deque<Bound> bindings_;
+  Tape* tape_ = nullptr;
   std::vector<std::string> requiring_;  // modules that are being read, outermost first
   std::unique_ptr<lua_State, void (*)(lua_State*)> state_;
   lua_State* running_ = nullptr;  // the thread that C++ may use now
@@ -164,10 +192,15 @@ class LuaHost {
 /// An error at the script line that runs now.
 [[noreturn]] void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got, std::string hint = {});
 
-/// LuaHost::guarded as a method of userdata.
+/// LuaHost::guarded as a method of userdata that is the script's own, vectors and matrices.
+template <lua_CFunction kFunction>
+int own_method(lua_State* L) {
+  return LuaHost::guarded(L, kFunction);
+}
+/// The same of one that stands for something outside of the script.
 template <lua_CFunction kFunction>
 int method(lua_State* L) {
-  return LuaHost::guarded(L, kFunction);
+  return LuaHost::offered(L, own_method<kFunction>);
 }
 
 }  // namespace cardan

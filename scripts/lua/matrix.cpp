@@ -629,16 +629,29 @@ int collected(lua_State* L) {
   return 0;
 }
 
-constexpr luaL_Reg kBoth[] = {{"t", method<transpose>}, {"norm", method<norm>},   {"max_abs", method<max_abs>}, {"rows", method<rows>},
-                              {"cols", method<cols>},   {"table", method<table>}, {"labels", method<labels>},   {"csv", method<csv>},
-                              {"hdf5", method<hdf5>},   {nullptr, nullptr}};
-constexpr luaL_Reg kOfVectors[] = {{"dot", method<dot>}, {nullptr, nullptr}};
-constexpr luaL_Reg kOfMatrices[] = {
-    {"set", method<set>}, {"column", method<column>}, {"solve", method<solve>}, {"eigenvalues", method<eigenvalues>}, {nullptr, nullptr}};
-constexpr luaL_Reg kOperators[] = {{"__add", method<add>},          {"__sub", method<subtract>}, {"__mul", method<multiply>},
-                                   {"__div", method<divide>},       {"__unm", method<negate>},   {"__eq", method<is_equal>},
-                                   {"__len", method<rows>},         {"__call", method<call>},    {"__newindex", method<set_index>},
-                                   {"__tostring", method<to_text>}, {"__gc", collected},         {nullptr, nullptr}};
+constexpr luaL_Reg kBoth[] = {{"t", own_method<transpose>},     {"norm", own_method<norm>},
+                              {"max_abs", own_method<max_abs>}, {"rows", own_method<rows>},
+                              {"cols", own_method<cols>},       {"table", own_method<table>},
+                              {"labels", own_method<labels>},   {"csv", own_method<csv>},
+                              {"hdf5", own_method<hdf5>},       {nullptr, nullptr}};
+constexpr luaL_Reg kOfVectors[] = {{"dot", own_method<dot>}, {nullptr, nullptr}};
+constexpr luaL_Reg kOfMatrices[] = {{"set", own_method<set>},
+                                    {"column", own_method<column>},
+                                    {"solve", own_method<solve>},
+                                    {"eigenvalues", own_method<eigenvalues>},
+                                    {nullptr, nullptr}};
+constexpr luaL_Reg kOperators[] = {{"__add", own_method<add>},
+                                   {"__sub", own_method<subtract>},
+                                   {"__mul", own_method<multiply>},
+                                   {"__div", own_method<divide>},
+                                   {"__unm", own_method<negate>},
+                                   {"__eq", own_method<is_equal>},
+                                   {"__len", own_method<rows>},
+                                   {"__call", own_method<call>},
+                                   {"__newindex", own_method<set_index>},
+                                   {"__tostring", own_method<to_text>},
+                                   {"__gc", collected},
+                                   {nullptr, nullptr}};
 
 void make_type(lua_State* L, const char* name, const luaL_Reg* own) {
   luaL_newmetatable(L, name);
@@ -648,7 +661,7 @@ void make_type(lua_State* L, const char* name, const luaL_Reg* own) {
   luaL_setfuncs(L, own, 0);
   lua_pushvalue(L, -1);
   lua_setfield(L, -3, "__members");
-  lua_pushcclosure(L, method<index>, 1);
+  lua_pushcclosure(L, own_method<index>, 1);
   lua_setfield(L, -2, "__index");
   lua_pushboolean(L, 0);
   lua_setfield(L, -2, "__metatable");
@@ -661,9 +674,9 @@ void open_matrices(LuaHost& host) {
   host.protect([](lua_State* L) {
     make_type(L, kVector, kOfVectors);
     make_type(L, kMatrix, kOfMatrices);
-    lua_pushcfunction(L, method<make_vector>);
+    lua_pushcfunction(L, own_method<make_vector>);
     lua_setglobal(L, "vector");
-    lua_pushcfunction(L, method<make_matrix>);
+    lua_pushcfunction(L, own_method<make_matrix>);
     lua_setglobal(L, "matrix");
   });
 }

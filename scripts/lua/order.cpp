@@ -174,7 +174,7 @@ int print(lua_State* L) {
   luaL_pushresult(&line);
   std::size_t length = 0;
   const char* text = lua_tolstring(L, -1, &length);
-  LuaHost::of(L).options().print({text, length});
+  if (const LuaHost& host = LuaHost::of(L); !host.is_played()) host.options().print({text, length});
   return 0;
 }
 

@@ -281,7 +281,10 @@ class Persistent::Writer {
     }
     const void* self = lua_topointer(L_, -1);
     const auto [again, first] = written_.emplace(self, written_.size());
-    if (!first) return texts.push_back(fmt::format("again {}", again->second));
+    if (!first) {
+      if (again->second < n_declared_ && !of_.numbers_.contains(self)) shared.push_back(name);
+      return texts.push_back(fmt::format("again {}", again->second));
+    }
     const auto of_setup = of_.numbers_.find(self);
     const std::string which = of_setup == of_.numbers_.end() ? "new" : fmt::format("{}", of_setup->second);
     if (table) {
@@ -316,13 +319,25 @@ class Persistent::Writer {
       }
   }
 
+  /// The declared tables.
+  void declared() {
+    for (const LuaRef& table : of_.declared_) {
+      table.push(L_);
+      value("persist", false, 0);
+      lua_pop(L_, 1);
+    }
+    n_declared_ = written_.size();
+  }
+
   std::vector<std::string> texts;
-  std::vector<std::string> loose;  // what the texts cannot hold
+  std::vector<std::string> loose;   // what the texts cannot hold
+  std::vector<std::string> shared;  // what is in the declared tables as well, and was made in the run
 
  private:
   const Persistent& of_;
   lua_State* L_;
   std::map<const void*, std::size_t> written_;
+  std::size_t n_declared_ = 0;  // of those written
 };
 
 class Persistent::Reader {
@@ -515,11 +530,7 @@ void Persistent::remember(Archive& archive) {
   protect([&](lua_State* L) {
     if (archive.reading()) return;
     Writer writer(*this, L);
-    for (const LuaRef& table : declared_) {
-      table.push(L);
-      writer.value("persist", false, 0);
-      lua_pop(L, 1);
-    }
+    writer.declared();
     texts = std::move(writer.texts);
     if (!random_) return;
     random_.push(L);
@@ -545,17 +556,55 @@ void Persistent::remember(Archive& archive) {
   });
 }
 
+bool Persistent::write(lua_State* L, std::vector<std::string>& texts) {
+  Writer writer(*this, L);
+  writer.value("", true, 0);
+  texts = std::move(writer.texts);
+  return writer.loose.empty();
+}
+
+void Persistent::read(lua_State* L, const Archive& archive, const std::vector<std::string>& texts) {
+  const int before = lua_gettop(L);
+  if (!Reader(*this, L, archive, texts).value(0)) archive.wrong("no value");
+  lua_replace(L, before + 1);
+  lua_settop(L, before + 1);
+}
+
+std::vector<std::string> Persistent::stack_of(lua_State* coroutine, std::vector<std::string>& shared) {
+  std::vector<std::string> all;
+  protect([&](lua_State* L) {
+    Writer writer(*this, L);
+    writer.declared();
+    writer.texts.clear();
+    lua_Debug frame;
+    for (int level = 0; lua_getstack(coroutine, level, &frame); ++level) {
+      lua_getinfo(coroutine, "Sl", &frame);
+      if (*frame.what == 'C') continue;
+      const std::string place = fmt::format("{}:{}", frame.short_src, frame.currentline);
+      writer.texts.push_back(place);
+      luaL_checkstack(coroutine, LUA_MINSTACK, nullptr);
+      for (int n = 1; const char* name = lua_getlocal(coroutine, &frame, n); ++n) {
+        lua_xmove(coroutine, L, 1);
+        if (*name != '(') {  // else what is worked out at the moment
+          writer.texts.emplace_back(name);
+          writer.value(fmt::format("{} ({})", name, place), false, 0);
+        }
+        lua_pop(L, 1);
+      }
+    }
+    all = std::move(writer.texts);
+    shared = std::move(writer.shared);
+  });
+  return all;
+}
+
 std::vector<std::string> Persistent::elsewhere() {
   Slots now;
   std::set<std::string> names;
   protect([&](lua_State* L) {
     now = Walk(*this, L).run();
     Writer writer(*this, L);
-    for (const LuaRef& table : declared_) {
-      table.push(L);
-      writer.value("persist", false, 0);
-      lua_pop(L, 1);
-    }
+    writer.declared();
     names.insert(writer.loose.begin(), writer.loose.end());
   });
   for (const auto& [self, fields] : now) {

@@ -28,6 +28,15 @@ class Persistent {
   std::vector<std::string> elsewhere();
   static constexpr std::size_t kMost = 20;
 
+  // Of values that the script is given, inside protect:
+  /// The value at the top, which stays there, as texts; false: it holds what no text can.
+  bool write(lua_State* L, std::vector<std::string>& texts);
+  /// Pushes the value that these texts hold.
+  void read(lua_State* L, const Archive& archive, const std::vector<std::string>& texts);
+  /// Where a coroutine stands, function by function, with all its variables; those that hold what is in a declared table, and is not of
+  /// set-up, are named in `shared`.
+  std::vector<std::string> stack_of(lua_State* coroutine, std::vector<std::string>& shared);
+
  private:
   /// A variable, or a field of a table: its name, and what it holds, numbers, texts and truths by value, others by what they are.
   struct Slot {

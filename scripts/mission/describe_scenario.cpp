@@ -9,6 +9,7 @@
 #include "core/sim/compare_forms.hpp"
 #include "core/sim/description.hpp"
 #include "core/sim/other_cuts.hpp"
+#include "scripts/mission/examine.hpp"
 #include "scripts/mission/mission_run.hpp"
 
 namespace cardan {
@@ -48,6 +49,13 @@ Json describe_scenario(Scenario& s, const DescribeOptions& options) {
   for (const Controller& c : s.controllers)
     out["controllers"].push_back(
         {{"name", c.name}, {"period_s", static_cast<double>(c.period.numerator) / static_cast<double>(c.period.denominator)}});
+  if (!s.sequences.empty()) {
+    try_sequences(s);  // the last that is done with it: what they command stays
+    out["sequences"] = Json::array();
+    for (const Sequences::Sequence& q : s.sequences.all())
+      out["sequences"].push_back(
+          {{"name", q.name}, {"starts", q.starts}, {"waits_for", q.state == Sequences::State::waiting ? q.wait.text() : ""}});
+  }
   out["script_devices"] = Json::array();
   for (const auto& d : s.script_devices) {
     s.sim->observe();

@@ -222,7 +222,7 @@ double shortest_interval(const Scenario& s) {
   return interval;
 }
 
-bool scripts_act(const Scenario& s) { return !s.controllers.empty() || !s.phases.empty() || !s.events.empty(); }
+bool scripts_act(const Scenario& s) { return !s.controllers.empty() || !s.phases.empty() || !s.events.empty() || !s.sequences.empty(); }
 
 void examine(Scenario& s) {
   s.warnings.add(s.model->spec->warnings);
@@ -257,6 +257,17 @@ void try_start(Scenario& s) {
   }
 }
 
+void try_sequences(Scenario& s) {
+  s.stage = Scenario::Stage::run;
+  if (!s.phases.empty()) s.phase = s.phases[0].name, s.phase_begun = s.sim->time();
+  s.sequences.begin(false, {});
+  for (int i; (i = s.sequences.due(s.sim->time())) >= 0 && !s.sim->stopped();) {
+    const std::string& name = s.sequences.all()[static_cast<std::size_t>(i)].name;
+    s.actor = name;
+    s.sequences.go_on(i);
+  }
+}
+
 std::vector<std::string> kept_elsewhere_at_start(Scenario& s) {
   s.stage = Scenario::Stage::run;
   s.persistent.seal();
@@ -271,6 +282,7 @@ std::vector<std::string> kept_elsewhere_at_start(Scenario& s) {
     s.phase_begun = t;
     call(s.phases[0].enter, s.phases[0].name);
   }
+  try_sequences(s);
   for (const Controller& c : s.controllers) call(c.step, c.name);
   s.wanted_phase.reset();  // nothing began
   return s.persistent.elsewhere();

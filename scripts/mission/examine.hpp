@@ -25,8 +25,10 @@ bool scripts_act(const Scenario&);
 
 /// What a run does first: forward dynamics at the initial state, and each event's function. Throws NumericsError, InputError.
 void try_start(Scenario&);
-/// After it: what the script keeps outside of persist{} once its first phase has begun and each controller has ticked, at the start. Their
-/// commands are left behind: no run follows.
+/// After it: sequences go as far as their first waits. Their commands are left behind: no run follows.
+void try_sequences(Scenario&);
+/// After try_start(): what the script keeps outside of persist{} once its first phase has begun, sequences wait and each controller has
+/// ticked, at the start. Their commands are left behind: no run follows.
 std::vector<std::string> kept_elsewhere_at_start(Scenario& s);
 
 }  // namespace cardan

@@ -13,7 +13,7 @@ namespace {
 
 constexpr const char* kPersist = "persist{}";  // acts where a checkpoint is made
 constexpr double kInstant = 1e-9;              // [s] what is closer than this happens at the same time
-constexpr int kMostChanges = 100;              // of phases in one instant
+constexpr int kMostChanges = 100;              // of phases, or beginnings of each sequence, in one instant
 constexpr double kMostIntervals = 500.0;       // of the history of steps, in the planned duration
 
 /// An error of a script during the run.
@@ -70,7 +70,10 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
   for (std::size_t i = 0; i < s_.events.size(); ++i) {
     const ScriptEvent& e = s_.events[i];
     const std::string actor = fmt::format("event \"{}\"", e.name);
-    sim.add_event({e.name, [this, i, actor](double t, const double* q, const double* v) { return crossing(i, actor, t, q, v); },
+    sim.add_event({e.name,
+                   [this, i, &e, actor](double t, const double* q, const double* v) {
+                     return happened_[i] != 0 ? e.direction : crossing(e.when, actor, t, q, v);  // on the side to which it has gone
+                   },
                    e.direction,
                    [this, i, &e, actor] {
                      const double t = s_.sim->time();
@@ -79,6 +82,7 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
                      change_phases(false);
                    }});
   }
+  if (!s_.sequences.empty()) begin_sequences();
   for (const Controller& c : s_.controllers)
     sim.every(c.period, [this, &c, actor = fmt::format("controller \"{}\"", c.name)] { tick(c, actor); });
   if (s_.controllers.empty() && !s_.phases.empty()) sim.every(s_.mission.output_period, [this] { change_phases(true); });
@@ -90,6 +94,54 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
         *period, [this] { make_checkpoint(); }, *period);  // after all others
   note_warnings();
   limits_.expected(sim, s_.mission.duration);  // told before the run: what is seen is news where it exceeds that
+}
+
+namespace {
+
+std::string actor_of(const Sequences::Sequence& sequence) { return fmt::format("sequence \"{}\"", sequence.name); }
+
+}  // namespace
+
+/// What they wait for: instants, and the zeros of conditions, which are events of their own.
+void MissionRun::begin_sequences() {
+  Simulation& sim = *s_.sim;
+  Sequences& all = s_.sequences;
+  all.begin(s_.mission.checkpoint_period.has_value(), [this](const Sequences::Sequence& me, const std::string& what) {
+    recorder_.note(Note::event, s_.sim->time(), {me.name, what});
+  });
+  sim.at_instants([&all] { return all.next(); }, [this] { go_on_with_sequences(); });
+  for (int i = 0; i < static_cast<int>(all.all().size()); ++i) {
+    const Sequences::Sequence& me = all.all()[static_cast<std::size_t>(i)];
+    for (const bool from_a_side : {true, false}) {
+      const auto located = [this, i, from_a_side, &me](double t, const double* q, const double* v) {
+        if (!s_.sequences.is_located(i, from_a_side)) return 1.0;
+        return (from_a_side ? me.wait.side : 1) * s_.sequences.seen(i, crossing(me.when, actor_of(me), t, q, v));
+      };
+      const auto crossed = [this, i, from_a_side, &me] {
+        if (!s_.sequences.is_located(i, from_a_side)) return;  // what happened first in this instant has ended it
+        call(actor_of(me), [&] { s_.sequences.crossed(i); });
+        change_phases(false);
+      };
+      sim.add_event({me.name, located, from_a_side ? 1 : 0, crossed, false});
+    }
+  }
+}
+
+/// All that are due, in the order of their declaration.
+void MissionRun::go_on_with_sequences() {
+  if (phase_ == 0) change_phases(true);  // the first one has begun
+  const int most = kMostChanges * static_cast<int>(s_.sequences.all().size());
+  for (int n = 0; !s_.sim->stopped(); ++n) {
+    const int i = s_.sequences.due(s_.sim->time());
+    if (i < 0) return;
+    const std::string actor = actor_of(s_.sequences.all()[static_cast<std::size_t>(i)]);
+    if (n == most)
+      throw NumericsError(RunFailure{Code::controller_error, s_.sim->time(), "", "",
+                                     fmt::format("{}: sequences began {} times in one instant", actor, n),
+                                     "of those that start each other one has to wait"});
+    call(actor, [&] { s_.sequences.go_on(i); });
+    change_phases(false);
+  }
 }
 
 /// What the function of an event has to say is told in place of what the integrator made of it.
@@ -119,7 +171,8 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
     add_limits();
     look_elsewhere();
     if (scripts_act(s_)) s_.warnings.add(s_.changes.without_effect()), s_.warnings.add(still_hinges(*s_.sim));
-    s_.warnings.add(open_latches(*s_.sim)), s_.warnings.add(faults_to_come(*s_.sim)), s_.warnings.add(never_happened());
+    s_.warnings.add(open_latches(*s_.sim)), s_.warnings.add(faults_to_come(*s_.sim)), s_.warnings.add(never_happened()),
+        s_.warnings.add(s_.sequences.unfinished());
     note_warnings();
   } catch (const InputError& e) {
     add_limits();
@@ -142,7 +195,9 @@ void MissionRun::remember(Archive& a) {
   s_.phase = phase_ == 0 || phase_ > s_.phases.size() ? std::string_view() : s_.phases[phase_ - 1].name;
   a.block("signals");
   for (const auto& signal : s_.signals) a(std::span(signal->values));
+  if (!s_.sequences.empty()) a.block("sequences")(s_.sequences);
   a.block("script")(s_.persistent);
+  if (a.reading()) s_.sequences.expect_standing(a);
   a.block(kKeptElsewhere)(elsewhere_);
 }
 
@@ -170,7 +225,9 @@ void MissionRun::resume(const Checkpoint& checkpoint) {
 }
 
 void MissionRun::look_elsewhere() {
-  if (elsewhere_.empty() && scripts_act(s_)) call(kPersist, [&] { elsewhere_ = s_.persistent.elsewhere(); });
+  if (!elsewhere_.empty() || !scripts_act(s_)) return;
+  call(kPersist, [&] { elsewhere_ = s_.persistent.elsewhere(); });
+  for (std::string& lost : s_.sequences.lost()) elsewhere_.push_back(std::move(lost));
 }
 
 void MissionRun::add_limits() {
@@ -204,14 +261,12 @@ void MissionRun::tick(const Controller& c, const std::string& actor) {
 }
 
 /// The function of an event at a trial state. It may not throw through the integrator: its failure is kept for run().
-double MissionRun::crossing(std::size_t event, const std::string& actor, double t, const double* q, const double* v) {
-  const ScriptEvent& e = s_.events[event];
-  if (happened_[event] != 0) return e.direction;  // on the side to which it has gone
+double MissionRun::crossing(const LuaFunction& when, const std::string& actor, double t, const double* q, const double* v) {
   s_.q = q, s_.v = v, s_.trial_time = t, s_.in_event_function = true;
   double value = std::nan("");
   const Acting acting(s_, actor);
   try {
-    e.when.call({&t, 1}, {&value, 1});
+    when.call({&t, 1}, {&value, 1});
   } catch (const InputError& error) {
     if (s_.lua.is_interrupted()) event_interrupt_ = std::current_exception();
     event_failure_ = failure_of(error.diagnostics().front(), actor, s_.sim->time());

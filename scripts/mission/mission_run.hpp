@@ -13,11 +13,12 @@
 
 namespace cardan {
 
-/// The controllers, phases and events of a scenario at work.
+/// The controllers, phases, events and sequences of a scenario at work.
 class MissionRun {
  public:
   /// `recorder` must outlive the run.
   MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Output> outputs);
+  ~MissionRun() { s_.sequences.end(); }
   MissionRun(const MissionRun&) = delete;
   MissionRun& operator=(const MissionRun&) = delete;
 
@@ -47,7 +48,9 @@ class MissionRun {
   void make_checkpoint();
   Warnings never_happened() const;  // events that are looked at until they happen once
   void note_warnings();             // those of the scenario that the recorder does not know yet
-  double crossing(std::size_t event, const std::string& actor, double t, const double* q, const double* v);
+  double crossing(const LuaFunction& when, const std::string& actor, double t, const double* q, const double* v);
+  void begin_sequences();
+  void go_on_with_sequences();
   void change_phases(bool at_tick);
   std::optional<std::size_t> next_phase(bool at_tick);
   bool is_over(const Phase&);

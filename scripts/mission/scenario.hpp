@@ -19,6 +19,7 @@
 #include "scripts/lua/host.hpp"
 #include "scripts/lua/persist.hpp"
 #include "scripts/mission/script_device.hpp"
+#include "scripts/mission/sequences.hpp"
 #include "scripts/mission/vehicle_changes.hpp"
 
 namespace cardan {
@@ -138,6 +139,7 @@ struct Scenario {
   std::vector<Controller> controllers;
   std::vector<Phase> phases;
   std::vector<ScriptEvent> events;
+  Sequences sequences{{lua, persistent, sim, in_event_function, trial_time}};
   std::vector<Measure> checks, figures;
   std::vector<std::unique_ptr<Signal>> signals;
   std::vector<Load> loads;

@@ -11,6 +11,7 @@ void Workbench::set_state(State state) {
   s_.stage = Scenario::Stage::setup;
   s_.phase = {};
   s_.wanted_phase.reset();
+  s_.sequences.begin(false, {});
 }
 
 void Workbench::run_to(double t, const std::function<void(double)>& between_steps) {

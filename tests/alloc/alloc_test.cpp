@@ -184,7 +184,7 @@ TEST_P(ARun, WithDevicesAndFieldsAllocatesNothing) {
   EXPECT_EQ(mallocs_in([&] { sim.run(1.0); }), 0);
   EXPECT_FALSE(sim.state().marks == before);
 }
-/// Noise and losses are drawn at the ticks of a device, of what it reads and of what it gives.
+/// Noise and losses are drawn at the ticks of a device, of what it reads and of what it gives; what is late is kept there.
 TEST_P(ARun, WithFaultsOfPortsAllocatesNothing) {
   SimulationOptions run;
   run.integrator.method = GetParam();
@@ -193,6 +193,8 @@ TEST_P(ARun, WithFaultsOfPortsAllocatesNothing) {
   const auto device = [&](const char* name) { return sim.model().devices.find(name); };
   sim.fault({.device = device("law"), .input = true, .noise = 1e-3, .drop = 0.2});
   sim.fault({.device = device("imu"), .scale = 1.1, .noise = 1e-3});
+  sim.fault({.device = device("imu"), .place = 1, .delay = 0.05});
+  sim.fault({.device = device("imu"), .place = 3, .swap = 4});
   sim.run(0.3);
   EXPECT_EQ(mallocs_in([&] { sim.run(1.0); }), 0);
 }

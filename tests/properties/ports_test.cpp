@@ -5,6 +5,7 @@
 
 #include "core/abi/device_family.hpp"
 #include "core/model/devices.hpp"
+#include "core/operators/linear_model.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/properties/random_devices.hpp"
 
@@ -102,12 +103,31 @@ struct Careful {
   }
 };
 
+/// y = 2 a - b, z = a + 5 b, and ticks that do nothing.
+struct Weighed {
+  static constexpr const char *type = "weighed", *summary = "y = 2 a - b";
+  static constexpr unsigned facts = 0;
+  using Packed = Nothing;
+  static constexpr cardan_port_desc ports[] = {{"a", CARDAN_PORT_IN, "1", 0.0, 0, "input"},
+                                               {"b", CARDAN_PORT_IN, "1", 0.0, 0, "input"},
+                                               {"c", CARDAN_PORT_IN, "m", 0.0, 0, "unused"},
+                                               {"y", CARDAN_PORT_OUT, "1", 0.0, 3, "output"},
+                                               {"z", CARDAN_PORT_OUT, "1", 0.0, 3, "another"}};
+  static constexpr cardan_state_desc marks[] = {{"n", "1", 0.0, 1.0, "ticks"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.out[0] = 2.0 * in.in[0] - in.in[1], out.out[1] = in.in[0] + 5.0 * in.in[1];
+  }
+  static void tick(const Packed&, const DeviceIn<double>&, double, const double*, double*, double* d) noexcept { d[0] += 1.0; }
+};
+
 std::shared_ptr<const Model> with_own(std::vector<DeviceSpec> devices) {
   static const Registry types = [] {
     Registry all = registry();
     all.devices.add(device_table<Adder>()), all.devices.add(device_table<Sampler>());
     all.devices.add(device_table<Clock>()), all.devices.add(device_table<Sum>());
     all.devices.add(device_table<Gauge>()), all.devices.add(device_table<Careful>());
+    all.devices.add(device_table<Weighed>());
     return all;
   }();
   SystemSpec spec = system({on(particle("mass", 2.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}})});
@@ -469,14 +489,121 @@ TEST(PortFaults, AreDrawnAtTicks) {
   EXPECT_NE(seen.in, seen.out);
 }
 
+/// What was so many ticks ago, and until that comes through what was there when it began; whatever else is wrong comes after it.
+TEST(PortFaults, AreLateByTicks) {
+  for (const std::string method : {"dopri5", "between steps"}) {
+    DeviceSpec held = block("held", "sampler", 10.0), fed = block("fed", "sampler", 10.0), second = block("second", "sampler", 10.0);
+    held.inputs["x"] = fed.inputs["x"] = second.inputs["x"] = from("clock.y");
+    SimulationOptions options;
+    options.between_steps = method != "dopri5";
+    Simulation sim(with_own({block("clock", "clock"), held, fed, second}), options);
+    PortFault late = fault_of(sim, "held", false), told_late = fault_of(sim, "fed", true), other = fault_of(sim, "second", false);
+    late.delay = 0.3, late.from = 0.25, late.until = 0.85;
+    told_late.delay = 0.2;
+    other.delay = 0.3, other.from = 0.2, other.scale = -2.0, other.bias = 1.0, other.drift = 0.5;
+    for (const PortFault& f : {late, told_late, other}) sim.fault(f);
+    std::vector<double> seen[3];
+    sim.watch({1, 10}, [&] {
+      const Model& m = sim.model();
+      seen[0].push_back(sim.device_output(output(m, "held"))), seen[1].push_back(sim.device_output(output(m, "fed")));
+      seen[2].push_back(sim.device_output(output(m, "second")));
+    });
+    sim.run(1.05);
+    const std::vector<double> of_held = {0.0, 0.1, 0.2, 0.2, 0.2, 0.2, 0.3, 0.4, 0.8, 0.9},
+                              of_fed = {0.0, 0.0, 0.0, 0.1, 0.2, 0.3, 0.4, 0.5},
+                              of_second = {0.0, 0.1, 0.1, 0.1, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6};
+    ASSERT_EQ(seen[0].size(), 11U);
+    // Who looks at tick k comes before the devices of it, and sees what tick k - 1 left.
+    for (std::size_t k = 0; k < of_held.size(); ++k) EXPECT_NEAR(seen[0][k + 1], of_held[k], 1e-15) << method << k;
+    for (std::size_t k = 0; k < of_fed.size(); ++k) EXPECT_NEAR(seen[1][k + 1], of_fed[k], 1e-15) << method << k;
+    for (std::size_t k = 0; k < of_second.size(); ++k) {
+      const double t = 0.1 * static_cast<double>(k + 1);
+      EXPECT_NEAR(seen[2][k + 1], k < 1 ? of_second[k] : -2.0 * of_second[k] + 1.0 + 0.5 * (t - 0.2), 1e-14) << method << k;
+    }
+  }
+}
+
+/// Two ports of a device exchange what they give or are told, until one of them is mended or has another fault.
+TEST(PortFaults, AreSwapped) {
+  for (const bool connected : {true, false}) {
+    DeviceSpec a = block("a", "adder"), b = block("b", "adder"), weighed = block("weighed", "weighed", 10.0);
+    a.inputs["a"] = {3.0, {}}, b.inputs["a"] = {7.0, {}};
+    if (connected)
+      weighed.inputs["a"] = from("a.y"), weighed.inputs["b"] = from("b.y");
+    else
+      weighed.inputs["a"] = {3.0, {}}, weighed.inputs["b"] = {7.0, {}};
+    Simulation sim(with_own({a, b, weighed}), {});
+    const int y = output(sim.model(), "weighed"), z = y + 1;
+    const auto expect = [&](double t, double of_y, double of_z) {
+      sim.run(t);
+      EXPECT_EQ(sim.device_output(y), of_y) << t;
+      EXPECT_EQ(sim.device_output(z), of_z) << t;
+    };
+    PortFault in = fault_of(sim, "weighed", true), out = fault_of(sim, "weighed", false);
+    in.swap = 1, in.from = 1.0, in.until = 3.0;
+    out.swap = 1, out.from = 2.0;
+    sim.fault(in), sim.fault(out);
+    EXPECT_EQ(sim.faults().size(), 4U);
+    expect(0.5, -1.0, 38.0);
+    expect(1.5, 11.0, 22.0);
+    expect(2.5, 22.0, 11.0);
+    expect(3.5, 38.0, -1.0);
+    sim.mend(out.device, false, 1);  // one is both
+    EXPECT_TRUE(sim.faults().empty());
+    expect(4.0, -1.0, 38.0);
+    out.from = 4.0;
+    sim.fault(out);
+    PortFault bias = fault_of(sim, "weighed", false, 1);
+    bias.bias = 0.5, bias.from = 5.0, bias.until = 6.0;
+    sim.fault(bias);
+    expect(4.5, 38.0, -1.0);
+    expect(5.5, -1.0, 38.5);
+    expect(6.5, -1.0, 38.0);
+    EXPECT_TRUE(sim.faults().empty());
+  }
+}
+
+/// A direct way from input to output: the weights of what is swapped, and none through a delay, whose value is held.
+TEST(PortFaults, AreInLinearModels) {
+  const auto direct = [](const auto& change) -> Eigen::MatrixXd {
+    Simulation sim(with_own({block("weighed", "weighed", 10.0)}), {});
+    change(sim);
+    operators::TreeOperators ops(sim.shared_model());
+    ops.at(sim.state().q.data());
+    const std::vector<double> tau = sim.applied_forces();
+    return operators::linearize(ops, {.q = sim.state().q.data(), .v = sim.state().v.data(), .tau = tau.data(), .devices = sim.devices()},
+                                {{"weighed:a", "weighed:b"}, {"weighed:y", "weighed:z"}})
+        .D;
+  };
+  const auto with = [&](bool input, double delay, int swap) {
+    return direct([&](Simulation& sim) {
+      PortFault f = fault_of(sim, "weighed", input);
+      f.delay = delay, f.swap = swap;
+      sim.fault(f);
+    });
+  };
+  const Eigen::Matrix2d sound{{2.0, -1.0}, {1.0, 5.0}}, columns{{-1.0, 2.0}, {5.0, 1.0}}, rows{{1.0, 5.0}, {2.0, -1.0}},
+      first_column{{0.0, -1.0}, {0.0, 5.0}}, first_row{{0.0, 0.0}, {1.0, 5.0}};
+  EXPECT_EQ(direct([](Simulation&) {}), sound);
+  EXPECT_EQ(with(true, 0.0, 1), columns);
+  EXPECT_EQ(with(false, 0.0, 1), rows);
+  EXPECT_EQ(with(true, 0.2, -1), first_column);
+  EXPECT_EQ(with(false, 0.2, -1), first_row);
+}
+
 /// The same bits as if the run had never stopped: before, while and after there is a fault.
 TEST(PortFaults, AreInCheckpoints) {
   DeviceSpec held = block("held", "sampler", 10.0, 0.03), sum = block("sum", "integral");
   held.inputs["x"] = from("clock.y");
   sum.inputs["x"] = from("held.y");
-  const auto model = with_own({block("clock", "clock"), held, sum});
+  DeviceSpec late = block("late", "sampler", 20.0), of_late = block("of_late", "integral"), of_ticks = block("of_ticks", "integral");
+  late.inputs["x"] = from("clock.y"), of_late.inputs["x"] = from("late.y"), of_ticks.inputs["x"] = from("late.n");
+  const auto model = with_own({block("clock", "clock"), held, sum, late, of_late, of_ticks});
   const auto declare = [](Simulation& sim) {
-    PortFault stuck = fault_of(sim, "clock", false), lost = fault_of(sim, "held", true), noise = fault_of(sim, "held", false);
+    PortFault stuck = fault_of(sim, "clock", false), lost = fault_of(sim, "held", true), noise = fault_of(sim, "held", false),
+              delay = fault_of(sim, "late", true), swap = fault_of(sim, "late", false);
+    delay.delay = 0.35, delay.from = 0.1, delay.until = 1.25, swap.swap = 1, swap.from = 0.29, swap.until = 1.28;
+    sim.fault(delay), sim.fault(swap);
     stuck.stuck = true, stuck.from = 0.21, stuck.until = 0.48;
     lost.drop = 0.5, lost.from = 0.1, lost.until = 1.2, noise.noise = 0.1, noise.scale = 2.0, noise.from = 0.4;
     for (const PortFault& f : {stuck, lost, noise}) sim.fault(f);
@@ -491,6 +618,32 @@ TEST(PortFaults, AreInCheckpoints) {
     EXPECT_EQ(whole.statistics().steps, part.statistics().steps) << split;
     EXPECT_EQ(part.faults().size(), 1U);
   }
+}
+
+/// Whatever a number of a checkpoint is, nothing reads beside the ports.
+TEST(PortFaults, OfNoPortAreRefusedInCheckpoints) {
+  const auto model = with_own({block("clock", "clock"), block("weighed", "weighed", 10.0)});
+  Simulation sim(model, {});
+  PortFault swap = fault_of(sim, "weighed", false), late = fault_of(sim, "weighed", true);
+  swap.swap = 1, late.delay = 0.2;
+  sim.fault(swap), sim.fault(late);
+  sim.run(0.25);
+  const Checkpoint good = sim.checkpoint();
+  int refused = 0;
+  for (std::size_t i = 0; i < good.at("commands").numbers.size(); ++i)
+    for (const double odd : {-2.0, 99.0, 1e6}) {
+      Checkpoint changed = good;
+      changed["commands"].numbers[i] = odd;
+      Simulation other(model, {});
+      try {
+        other.resume(changed);
+        other.run(0.45);
+      } catch (const CheckpointFault& fault) {
+        refused += std::string(fault.what()).find("a fault of no port") != std::string::npos;
+      } catch (const NumericsError&) {
+      }
+    }
+  EXPECT_EQ(refused, 3 * (3 + 3 + 3)) << "of each of three faults its device, place, and swap";
 }
 
 TEST(PortFaults, ThatCannotBeAreRefused) {
@@ -522,9 +675,32 @@ TEST(PortFaults, ThatCannotBeAreRefused) {
   EXPECT_TRUE(has(with([](PortFault& f) { f.from = -1.0; }), "a time [s] from now on, 0 s"));
   EXPECT_TRUE(has(with([](PortFault& f) { f.stuck = true, f.bias = 1.0; }), "nothing beside it"));
   EXPECT_TRUE(has(with([](PortFault& f) { f.place = 7; }), "C0301"));
+  EXPECT_TRUE(has(with([](PortFault& f) { f.delay = 0.1; }), "a device that samples: values are kept at its ticks"));
+  EXPECT_TRUE(has(with([](PortFault& f) { f.delay = -0.1; }), "a time >= 0 s"));
+  EXPECT_TRUE(has(with([](PortFault& f) { f.stuck = true, f.delay = 0.1; }), "nothing beside it"));
+  EXPECT_TRUE(has(with([](PortFault& f) { f.swap = 1, f.scale = 2.0; }), "nothing beside it: what is swapped"));
+  EXPECT_TRUE(has(with([](PortFault& f) { f.swap = 0; }), "another port"));
+  EXPECT_TRUE(has(with([](PortFault& f) { f.swap = 9; }), "C0301"));
   EXPECT_TRUE(has(told(fault_of(sim, "thruster", false, 1)), "one through which mass flows"));
   EXPECT_TRUE(has(told(fault_of(sim, "tank", true)), "one through which mass flows"));
   EXPECT_EQ(told(fault_of(sim, "thruster", true, 1)), "none");
+  DeviceSpec weighed = block("weighed", "weighed", 10.0);
+  weighed.inputs["a"] = from("clock.y");
+  Simulation ticks(with_own({block("clock", "clock"), weighed}), {});
+  const auto of_weighed = [&](const auto& change) -> std::string {
+    PortFault f = fault_of(ticks, "weighed", true);
+    change(f);
+    try {
+      ticks.fault(f);
+    } catch (const InputError& e) {
+      return e.what();
+    }
+    return "none";
+  };
+  EXPECT_TRUE(has(of_weighed([](PortFault& f) { f.delay = 0.25; }), "a whole number of ticks of weighed, 0.1 s each, at most 1000000"));
+  EXPECT_TRUE(has(of_weighed([](PortFault& f) { f.delay = 1e6; }), "a whole number of ticks of weighed"));
+  EXPECT_TRUE(has(of_weighed([](PortFault& f) { f.swap = 2; }), "a port of the same unit"));
+  EXPECT_TRUE(has(of_weighed([](PortFault& f) { f.swap = 1; }), "two inputs that are commanded, or two that are connected"));
 }
 
 }  // namespace

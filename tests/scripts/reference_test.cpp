@@ -81,6 +81,7 @@ TEST(ScriptReference, HasEveryMethodThatObjectsHave) {
                                                       {"Modes", "sat:modes 'wing_left'"},
                                                       {"Node", "sat:node 'bus'"},
                                                       {"Load", "sat:node('bus'):load {}"},
+                                                      {"Sequence", "sequence { name = 'plan', run = function() end }"},
                                                       {"Vector", "vector {1}"},
                                                       {"Matrix", "matrix {{1}}"},
                                                       {"Operators", "sim:operators()"},
@@ -145,6 +146,7 @@ TEST(ScriptReference, HasEveryKeyOfTheTablesThatAreRead) {
       {"ControllerOptions", "controller { name = 'a', rate = 1, step = f, _no = 1 }"},
       {"PhaseOptions", "phase { name = 'a', _no = 1 }"},
       {"EventOptions", "event { name = 'a', when = f, action = f, _no = 1 }"},
+      {"SequenceOptions", "sequence { name = 'a', run = f, _no = 1 }"},
       {"CheckOptions", "check { name = 'a', value = f, below = 1, _no = 1 }"},
       {"FigureOptions", "figure { name = 'a', value = f, _no = 1 }"},
       {"SignalOptions", "signals { a = { _no = 1 } }"},
@@ -176,8 +178,9 @@ TEST(ScriptReference, TheDocumentsListEveryMethod) {
                           text.find("`" + f) != std::string::npos || text.find("." + f + "(") != std::string::npos;
       EXPECT_TRUE(listed) << name << " " << f;
     }
-  for (const char* table : {"MissionOptions", "IntegratorOptions", "OutputOptions", "BudgetOptions", "ControllerOptions", "PhaseOptions",
-                            "EventOptions", "CheckOptions", "FigureOptions", "SignalOptions", "ProfileOptions", "IkTarget"})
+  for (const char* table :
+       {"MissionOptions", "IntegratorOptions", "OutputOptions", "BudgetOptions", "ControllerOptions", "PhaseOptions", "EventOptions",
+        "SequenceOptions", "WaitOptions", "CheckOptions", "FigureOptions", "SignalOptions", "ProfileOptions", "IkTarget"})
     for (const std::string& key : meta.fields.at(table)) EXPECT_NE(text.find(key), std::string::npos) << table << " " << key;
 }
 

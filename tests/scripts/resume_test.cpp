@@ -132,6 +132,69 @@ TEST(Resume, GoesOnFromWhatASignalOrAKillLeft) {
   }
 }
 
+/// A plan that draws, remembers, asks the vehicle and branches by it; what it was given comes again, whatever the vehicle is by then.
+const char* kPlan = R"lua(
+local sat = vehicle "vehicle.yaml"
+mission { duration = 6, output = { rate = "10 Hz" }, checkpoint = { period = "0.5 s" } }
+local m = persist { n = 0, kept = { sum = 0 }, draws = {} }
+local log = signals { ["own/plan"] = { components = { "n", "sum", "draw", "local" } } }
+local own = 0
+controller { name = "c", rate = "20 Hz", step = function(t) m.kept.sum = m.kept.sum + math.random() end }
+local rod = sat:hinge "rod"
+local second
+sequence { name = "first", run = function()
+  local hinge = sat:hinge "rod"
+  local seen, words = { angle = hinge:angle(), vector { 1, 2 } }, {}
+  for k = 1, 30 do
+    local draw, name = math.random(), "step " .. k
+    if not wait_until(function() return hinge:rate() + 0.2 * (draw - 0.5) end, { timeout = 0.2 + 0.3 * draw }) then words[#words + 1] = name end
+    seen.angle = seen.angle + hinge:angle() + sim:state().q[1]
+    seen[1][1] = 0.5 * seen[1][1] + hinge:rate()
+    m.n = m.n + k
+    m.draws[k % 3 + 1] = draw
+    hinge:torque(0.3 * (m.kept.sum % 1 - 0.5) + 0.1 * seen.angle + 0.01 * seen[1][1])
+    log["own/plan"](m.n, m.kept.sum, draw, #words)
+    if k == 7 then print(name, #words, mission.time()) second:start() end
+    if k == 20 and second:state() == "waiting" then second:stop() end
+    wait(0) at(mission.time())
+    if k % 4 == 0 then wait_until(function() return mission.time() > 0.1 * k end, { rate = "3 Hz", timeout = 0.01 }) end
+    wait(0.01 + 0.1 * math.random())
+  end
+end }
+second = sequence { name = "second", start = false, run = function()
+  wait_until(function() return m.n % 5 == 0 end, { rate = "7 Hz", timeout = "0.6 s", otherwise = function()
+    for k = 1, 100 do wait "0.13 s" m.kept.sum = m.kept.sum + rod:angle() end
+  end })
+  wait "0.7 s"
+  second:stop()
+end }
+event { name = "passes", when = function() return rod:angle() - 0.05 end, action = function() if second:state() == "ended" then second:start() end end }
+)lua";
+
+TEST(Resume, GoesOnInTheMiddleOfPlans) {
+  for (const std::string method : {"dopri5", "exponential", "rk4", "cvode_bdf", "dopri5 between steps"}) {
+    const TemporaryFolder dir;
+    make_scenario(dir, kPlan);
+    std::vector<std::string> options{"--set", "mission.integrator.method=" + method.substr(0, method.find(' ')), "--seed", "5"};
+    if (method.ends_with("between steps")) options.insert(options.end(), {"--set", "mission.output.between_steps=true"});
+    if (method == "rk4") options.insert(options.end(), {"--set", "mission.integrator.step=0.01 s"});
+    const auto run = [&](std::vector<std::string> arguments) {
+      arguments.insert(arguments.begin(), "run");
+      arguments.insert(arguments.end(), options.begin(), options.end());
+      return run_program(arguments, dir.path());
+    };
+    const Finished whole = run({dir.path(), "--out", "whole"});
+    ASSERT_LE(whole.exit_code, 1) << whole.err;
+    EXPECT_EQ(whole.out.find("cannot be resumed"), std::string::npos) << whole.out;
+    ASSERT_LE(run({dir.path(), "--out", "part", "--until", "4.83"}).exit_code, 1);
+    for (const std::string at : {"0.5", "1.6", "2.5", "4.5"}) {
+      const Finished rest = run_program({"run", "--resume", "part", "--at", at, "--until", "6", "--out", "rest"}, dir.path());
+      ASSERT_LE(rest.exit_code, 1) << rest.err;
+      expect_same_results(dir / "whole", dir / "rest");
+    }
+  }
+}
+
 /// The answer to --resume, without writing anything.
 std::string refused(const TemporaryFolder& dir, const std::vector<std::string>& more = {}) {
   std::vector<std::string> arguments{"run", "--resume", "out", "--out", "new"};
@@ -160,6 +223,37 @@ TEST(Resume, IsRefusedWhereTheScriptKeepsMoreThanPersist) {
   const Finished check = run_program({"check", "."}, dir.path());
   EXPECT_EQ(check.exit_code, 0) << check.err;
   EXPECT_NE(check.out.find("cannot be resumed: kept outside of persist{}: m.draws.1, m.integral"), std::string::npos) << check.out;
+}
+
+TEST(Resume, IsRefusedWhereAPlanHoldsWhatNoCheckpointDoes) {
+  const auto expect = [](const std::string& plan, const std::string& what) {
+    const TemporaryFolder dir;
+    make_scenario(dir,
+                  "local sat = vehicle 'vehicle.yaml' mission { duration = 2, output = { rate = '10 Hz' } }\nlocal m = persist { n = 0 }\n"
+                  "sequence { name = 'plan', run = function()\n  wait(0.1)\n  " +
+                      plan + "\nend }\n");
+    const Finished run = run_program({"run", ".", "--out", "out"}, dir.path());
+    ASSERT_EQ(run.exit_code, 0) << run.err;
+    EXPECT_NE(run.out.find("cannot be resumed: kept outside of persist{}: sequence \"plan\": " + what), std::string::npos)
+        << plan << run.out;
+    EXPECT_NE(refused(dir).find("error[C0704]"), std::string::npos);
+  };
+  expect("local s = sim:operators() wait(1)", "a userdata that it was given (scenario.lua:5)");
+  expect("pcall(sat.hinge, sat, 'nobody') wait(1)", "an error that it caught");
+  expect("local own = {} m.own = own wait(1)", "own (scenario.lua:5)");
+  expect("for k = 1, 11000 do for i = 1, 20 do mission.time() end wait(1e-4) end", "more than 200000 values that it was given");
+}
+
+/// A condition that counts is not asked again.
+TEST(Resume, IsRefusedWhereAPlanDoesNotStandWhereItStood) {
+  const TemporaryFolder dir;
+  make_scenario(dir,
+                "local sat = vehicle 'vehicle.yaml' mission { duration = 2, output = { rate = '10 Hz' } }\n"
+                "sequence { name = 'plan', run = function()\n  local n = 0\n"
+                "  wait_until(function() n = n + 1 return n > 3 end, { rate = '10 Hz' })\n  wait(1.5)\nend }\n");
+  ASSERT_EQ(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 0);
+  const std::string err = refused(dir, {"--at", "1"});
+  EXPECT_NE(err.find("sequence \"plan\": after n it has i0 in place of i4"), std::string::npos) << err;
 }
 
 /// Those of the tutorials: tests/scripts/tutorials_test.cpp.

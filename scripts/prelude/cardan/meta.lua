@@ -74,7 +74,7 @@ function mission.phase() end
 --- How long the present phase lasts by now; 0 before the first and after the last.
 ---@return number t [s]
 function mission.phase_time() end
---- Ends the present phase and begins another, when the controller, phase function or action of an event that says so has returned.
+--- Ends the present phase and begins another, when the controller, phase function or action of an event that says so has returned, or the sequence waits.
 ---@param name string
 function mission.enter(name) end
 --- The time; in `when` of an event that of the trial state.
@@ -155,7 +155,51 @@ function phase(options) end
 ---@param options EventOptions
 function event(options) end
 
---- Ends the run: from a controller, a phase or an event's action.
+---@class SequenceOptions
+---@field name string
+---@field run fun() the plan, from top to bottom; waits by wait, at and wait_until
+---@field start? boolean with the run, default; false: where Sequence:start() says so
+
+--- A plan that waits: for durations, times, conditions. It may do what a controller may.
+---@param options SequenceOptions
+---@return Sequence sequence
+function sequence(options) end
+
+--- In a sequence: what follows is later by this.
+---@param duration quantity [s]
+function wait(duration) end
+
+--- In a sequence: what follows is at this time of the mission.
+---@param time quantity [s] from now on
+function at(time) end
+
+---@class WaitOptions
+---@field rate? quantity [Hz] looks at these ticks whether it is true; without it, and without period, the zero of a number is located
+---@field period? quantity [s] the same
+---@field direction? "rising"|"falling"|"both" of a number that is located, default both: the next zero; on its side already, it does not wait
+---@field timeout? quantity [s] from now on: then it returns false
+---@field otherwise? fun() after the timeout, in place of the rest of the plan
+
+--- In a sequence: what follows is where a number is zero, located as events are, or where something is true, looked at by ticks.
+---@param condition fun(t: number): number|boolean a number; with a rate true or false
+---@param options? WaitOptions
+---@return boolean holds false after a timeout
+function wait_until(condition, options) end
+
+--- A plan of the mission, which sequence{...} returns.
+---@class Sequence
+local Sequence = {}
+--- Begins, from its first line, in this instant; before the run, with it. Refused while it is under way.
+function Sequence:start() end
+--- Ends it where it waits.
+function Sequence:stop() end
+---@return "idle"|"ready"|"waiting"|"running"|"ended"|"stopped" state
+function Sequence:state() end
+--- What it waits for, with its line; "" if it does not wait.
+---@return string wait
+function Sequence:waits_for() end
+
+--- Ends the run: from a controller, a sequence, a phase or an event's action.
 function stop() end
 
 ---@class CheckOptions
@@ -333,7 +377,7 @@ function sim:vdot() end
 ---@param new? NewState
 ---@return State state
 function sim:state(new) end
---- Runs the mission on, with its controllers, phases and events; at the workbench alone.
+--- Runs the mission on, with its controllers, sequences, phases and events; at the workbench alone.
 ---@param t quantity [s]
 ---@return number t [s] the time that was reached
 function sim:run_to(t) end
@@ -574,6 +618,8 @@ function Device:valid(output) end
 ---@field stuck? true|number|string|(number|string)[] true: at what it is when the fault begins; 0: dead. With none of the others
 ---@field noise? number|string|(number|string)[] standard deviation, drawn at each tick of its device, which samples
 ---@field drop? number|number[] probability that a tick is lost: the number before it stays
+---@field delay? number|string|(number|string)[] [s] x is what it was so long ago: whole ticks of its device, which samples
+---@field swap? string another port of the device, which exchanges its value with this one; with none of the others
 ---@field from? number|string [s], now if absent
 ---@field until_? number|string [s]; without it until `mend`
 ---@param fault PortFault

@@ -47,17 +47,75 @@ local expect, expect_keys, finite, positive = arguments.expect, arguments.expect
 
 local robustness = { zv = 1, zvd = 2, zvdd = 3 }
 
+-- What impulses leave of a mode of w rad/s, as the parts of sum A exp((z + i sqrt(1 - z^2)) w t): cosine, sine and their derivatives in w.
+local function left(A, t, z, w)
+  local q, C, S, dC, dS = math.sqrt(1 - z * z), 0, 0, 0, 0
+  for i = 1, #A do
+    local g, c, s = A[i] * math.exp(z * w * t[i]), math.cos(q * w * t[i]), math.sin(q * w * t[i])
+    C, S, dC, dS = C + g * c, S + g * s, dC + g * t[i] * (z * c - q * s), dS + g * t[i] * (z * s + q * c)
+  end
+  return C, S, dC, dS
+end
+
+-- Three impulses about a mode of 1 rad/s that leave V of its vibration there, no more at a frequency near it, and nothing at two, one on either side.
+local function extra_insensitive(z, V)
+  local aside = math.acos((1 - V) / (1 + V)) / math.pi
+  local x = { (1 + V) / 4, (1 + V) / 4, math.pi, 2 * math.pi, 1 - aside, 1 + aside } -- shares, times, frequencies: undamped
+  local function wrong(damping)
+    local A, t = { x[1], 1 - x[1] - x[2], x[2] }, { 0, x[3], x[4] }
+    local C1, S1 = left(A, t, damping, x[5])
+    local C2, S2 = left(A, t, damping, x[6])
+    local C, S, dC, dS = left(A, t, damping, 1)
+    local square, by_then = C * C + S * S, math.exp(-2 * damping * x[4])
+    return { C1, S1, C2, S2, by_then * square - V * V, 2 * by_then * (C * dC + S * dS - damping * x[4] * square) }
+  end
+  local steps = math.ceil(z / 0.02) -- Newton's method, from one damping to the next
+  for k = 1, steps do
+    local damping, far = z * k / steps, math.huge
+    for _ = 1, 20 do
+      local J, before = { {}, {}, {}, {}, {}, {} }, wrong(damping)
+      for j = 1, 6 do
+        local h = 1e-6
+        x[j] = x[j] + h
+        local after = wrong(damping)
+        x[j] = x[j] - 2 * h
+        local other = wrong(damping)
+        x[j] = x[j] + h
+        for i = 1, 6 do J[i][j] = (after[i] - other[i]) / (2 * h) end
+      end
+      local move = matrix(J):solve(vector(before))
+      for j = 1, 6 do x[j] = x[j] - move[j] end
+      far = move:max_abs()
+      if far < 1e-12 then break end
+    end
+    assert(far < 1e-9, "slew: no shaper found for this damping")
+  end
+  return { { time = 0, share = x[1] }, { time = x[3], share = 1 - x[1] - x[2] }, { time = x[4], share = x[2] } }
+end
+
 --- Impulses after which a mode of this frequency is at rest: `zv`, or with the first (`zvd`) and second (`zvdd`) derivative in the frequency zero as
 --- well, so that an error in it matters less. Binomials of K = exp(-pi z / sqrt(1 - z^2)), half a damped period apart [Singer and Seering 1990].
----@param kind "zv"|"zvd"|"zvdd"
+--- `ei`, extra-insensitive, is as long as `zvd` and forgives more: it leaves `remains` of the vibration at this frequency, nothing at two about it and no more than that between
+--- and some way beyond. Undamped in closed form [Singhose, Seering and Singer 1990]; with damping the same conditions, solved, near the coefficients of [Singhose, Seering and Singer 1994].
+---@param kind "zv"|"zvd"|"zvdd"|"ei"
 ---@param frequency number [Hz] undamped
----@param damping? number of critical, default 0
+---@param damping? number of critical, default 0; of `ei` at most 0.3
+---@param remains? number of `ei`, default 0.05, at most 0.15
 ---@return Impulse[] impulses
-function slew.shaper(kind, frequency, damping)
+function slew.shaper(kind, frequency, damping, remains)
   local n, z = robustness[kind], damping or 0
-  expect(n, "slew", "zv, zvd or zvdd", kind)
+  expect(n or kind == "ei", "slew", "zv, zvd, zvdd or ei", kind)
   expect(positive(frequency), "slew", "a frequency > 0 Hz", frequency)
   expect(type(z) == "number" and z >= 0 and z < 1, "slew", "a damping from 0 to below 1", z)
+  expect(kind == "ei" or remains == nil, "slew", "what remains, of ei alone", remains)
+  if kind == "ei" then
+    local V = remains or 0.05
+    expect(z <= 0.3, "slew", "a damping of ei from 0 to 0.3", z)
+    expect(type(V) == "number" and V >= 0.001 and V <= 0.15, "slew", "what remains of the vibration, from 0.001 to 0.15", V)
+    local out = extra_insensitive(z, V)
+    for _, impulse in ipairs(out) do impulse.time = impulse.time / (2 * math.pi * frequency) end
+    return out
+  end
   local damped = math.sqrt(1 - z * z)
   local K, apart, binomial, out = math.exp(-math.pi * z / damped), 1 / (2 * frequency * damped), 1, {}
   for k = 0, n do

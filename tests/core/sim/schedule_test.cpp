@@ -192,5 +192,32 @@ TEST(Schedule, WithoutEntriesNothingEverHappens) {
   EXPECT_EQ(s.time(), std::numeric_limits<double>::infinity());
 }
 
+/// Sums of durations are those of whole numbers: a million thirds and sevenths, where doubles are off by 1e-5 of a step.
+TEST(Instants, AddUpWithoutRounding) {
+  Instant sum = *to_instant(0.1);
+  for (int k = 0; k < 1'000'000; ++k) sum = *later(sum, k % 2 == 0 ? 1.0 / 3.0 : 1.0 / 7.0);
+  EXPECT_EQ(sum.whole, 238095);  // 0.1 + 500000 (1/3 + 1/7) = 238095 + 71/210
+  EXPECT_EQ(sum.part * 210, sum.unit * 71);
+  EXPECT_EQ(later(*to_instant(1.2), 0.1)->seconds(), 1.3);
+  EXPECT_EQ(later(*to_instant(-0.25), 0.5)->seconds(), 0.25);
+  EXPECT_FALSE(to_instant(3.14159265358979));
+  EXPECT_FALSE(later(*to_instant(1.0), 3.14159265358979));
+  EXPECT_FALSE(later({0, 1, (std::int64_t{1} << 53) - 111}, 1e-6)) << "no double tells such parts of a second";
+}
+
+TEST(Instants, OfTheNextTickAreThoseOfTheSchedule) {
+  for (const double rate : {10.0, 3.0, 29.97, 1.0 / 60.0}) {
+    Schedule s;
+    s.add(hertz(rate));
+    double t = -1.0;
+    for (int k = 0; k < 1000; ++k) {
+      EXPECT_EQ(next_tick(hertz(rate), t).seconds(), s.time());
+      t = s.time();
+      s.next();
+    }
+    EXPECT_EQ(next_tick(hertz(rate), std::nextafter(t, 0.0)).seconds(), t);
+  }
+}
+
 }  // namespace
 }  // namespace cardan

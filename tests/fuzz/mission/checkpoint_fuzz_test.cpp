@@ -70,6 +70,15 @@ controller { name = "c", rate = "20 Hz", step = function(t)
 end }
 phase { name = "swing", duration = 0.7, exit_ = function() print(m.text, #m.list) end }
 phase { name = "push", until_ = function() return m.n > 30 end }
+sequence { name = "plan", run = function()
+  local kept = { m.n, vector { 1, 2 } }
+  for k = 1, 100 do
+    if not wait_until(function() return flap:rate() - 0.001 * k end, { timeout = 0.07 }) then kept[3] = sat:hinge("flap"):angle() end
+    wait(0.1 * math.random())
+    wait_until(function() return m.n % 3 == 0 end, { rate = "20 Hz", timeout = "0.3 s", otherwise = function() wait(9) end })
+  end
+end }
+sequence { name = "later", run = function() wait "1 s" m.n = m.n + 1 end }
 event { name = "passes", when = function() return flap:angle() - 0.005 end, action = function() m.n = m.n + 1 end }
 )lua";
 const std::vector<std::vector<Setting>> kMethods = {

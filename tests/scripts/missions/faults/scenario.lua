@@ -18,7 +18,7 @@ wheel:fault { port = "rate", scale = -1, from = "1 s", until_ = "2 s" }
 gyro:fault { port = "rate_z", bias = "0.02 rad/s", from = "1 s", until_ = "2 s" }
 noisy:fault { port = "rate", noise = { "0 rad/s", "0.1 deg/s", "0.2 deg/s" } }
 
-local log = persist { n = 0, y = 0, yy = 0, z = 0, zz = 0, yz = 0, worst = 0, h = 0 }
+local log = persist { n = 0, y = 0, yy = 0, z = 0, zz = 0, yz = 0, worst = 0, h = 0, late = 0 }
 local function expect(t, x, what)
   local told = gyro:get "rate_z"
   log.worst = math.max(log.worst, math.abs(told - x))
@@ -55,6 +55,16 @@ controller { name = "statistics", rate = "100 Hz", step = function()
   local y, z = told[2] / unit, (told[3] - truth) / unit
   log.n, log.y, log.yy, log.z, log.zz, log.yz = log.n + 1, log.y + y, log.yy + y * y, log.z + z, log.zz + z * z, log.yz + y * z
 end }
+-- Another gyro is late by 0.3 s from 1 s on and wired the wrong way round from 7 s to 8 s; the bus turns about z alone.
+local late = sat:device "late"
+late:fault { port = "rate", delay = "0.3 s", from = "1 s", until_ = "7 s" }
+sequence { name = "wires", run = function() at "7 s" late:fault { port = "rate_x", swap = "rate_z", until_ = "8 s" } end }
+controller { name = "looks late", rate = "10 Hz", step = function(t)
+  local x, z, k = late:get "rate_x", late:get "rate_z", math.floor(t * 10 + 0.5) / 10
+  local expected = k < 1 and rate(k) or k < 1.25 and rate(0.9) or k < 7 and rate(k - 0.3) or rate(k)
+  if k >= 7 and k < 8 then x, z = z, x end
+  log.late = math.max(log.late, math.abs(z - expected) + math.abs(x))
+end }
 -- Faults go on in a vehicle that is compiled again: while a drift is drawn on, and while the gyro is stuck.
 for i, at in ipairs { 3.53, 5.23 } do
   event { name = "heavier " .. i, direction = "rising", when = function(t) return t - at end,
@@ -62,6 +72,7 @@ for i, at in ipairs { 3.53, 5.23 } do
 end
 local function of(x) return function() return x() / log.n end end
 check { name = "worst reading", unit = "rad/s", value = function() return log.worst end, below = 1e-9 }
+check { name = "worst late reading", unit = "rad/s", value = function() return log.late end, below = 1e-9 }
 check { name = "rate of the bus", unit = "rad/s", value = function() return select(3, bus:rate()) end, equal = { 0.065, tolerance = 1e-11 } }
 -- Four standard deviations of the mean of 1000.
 check { name = "mean, y", value = of(function() return log.y end), within = { -0.127, 0.127 } }

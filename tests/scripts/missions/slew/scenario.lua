@@ -26,6 +26,63 @@ for kind, order in pairs { zv = 0, zvd = 1, zvdd = 2 } do
   end
 end
 
+-- What a shaper leaves of a mode, over what one impulse does [Singer and Seering 1990]; of a mode of f Hz that it was not made for as well.
+local function remains(shaper, f, z)
+  local w, re, im = 2 * math.pi * f, 0, 0
+  for _, impulse in ipairs(shaper) do
+    local size = impulse.share * math.exp(z * w * (impulse.time - shaper[#shaper].time))
+    local phase = w * math.sqrt(1 - z * z) * impulse.time
+    re, im = re + size * math.cos(phase), im + size * math.sin(phase)
+  end
+  return math.sqrt(re * re + im * im)
+end
+-- The frequency between a and b at which what remains is level, or least.
+local function where(shaper, z, a, b, level)
+  local rises = level and remains(shaper, b, z) > level
+  for _ = 1, 100 do
+    local m = (a + b) / 2
+    local beyond
+    if level then beyond = (remains(shaper, m, z) > level) == rises else beyond = remains(shaper, m + 1e-7, z) > remains(shaper, m, z) end
+    if beyond then b = m else a = m end
+  end
+  return (a + b) / 2
+end
+-- Extra-insensitive, undamped: shares (1 + V)/4, (1 - V)/2, (1 + V)/4 half a period apart; zero where cos(pi f / f_0) = -(1 - V)/(1 + V), and no more than V to
+-- where it is -(1 - 3V)/(1 + V); of zvd to where it is 2 V - 1. The published widths of 5 % are 0.399 and 0.286 of the frequency.
+for _, V in ipairs { 0.05, 0.1 } do
+  local f, ei = 0.25, slew.shaper("ei", 0.25, 0, V)
+  for i, share in ipairs { (1 + V) / 4, (1 - V) / 2, (1 + V) / 4 } do
+    near("ei", ei[i].share, share, 1e-15)
+    near("ei time", ei[i].time, 2 * (i - 1), 1e-14)
+  end
+  local zero, edge = math.acos((1 - V) / (1 + V)) / math.pi, math.acos((1 - 3 * V) / (1 + V)) / math.pi
+  near("at the frequency", remains(ei, f, 0), V, 1e-14)
+  for _, side in ipairs { -1, 1 } do
+    near("zero beside it", remains(ei, f * (1 + side * zero), 0), 0, 1e-14)
+    near("edge", where(ei, 0, f * (1 + side * zero), f * (1 + 1.5 * side * edge), V), f * (1 + side * edge), 1e-12)
+  end
+  near("edge of zvd", where(slew.shaper("zvd", f), 0, f, 1.3 * f, V), f * (1 + 2 * math.asin(math.sqrt(V)) / math.pi), 1e-12)
+end
+near("5 %", 2 * math.acos(0.85 / 1.05) / math.pi, 0.399, 1e-3)
+near("5 % of zvd", 4 * math.asin(math.sqrt(0.05)) / math.pi, 0.286, 2e-3)
+-- Damped: V there and at most V near it, zero on both sides; within a hundredth of the coefficients of Singhose, Seering and Singer 1994.
+for _, z in ipairs { 0.001, 0.05, 0.1, 0.2, 0.3 } do
+  local f, V = 0.7, 0.05
+  local ei, period = slew.shaper("ei", f, z), 1 / (f * math.sqrt(1 - z * z))
+  near("sum", ei[1].share + ei[2].share + ei[3].share, 1, 1e-15)
+  near("damped, at the frequency", remains(ei, f, z), V, 1e-11)
+  near("extreme there", (remains(ei, f + 1e-4, z) - remains(ei, f - 1e-4, z)) / 2e-4, 0, 1e-6)
+  assert(remains(ei, 1.01 * f, z) < V and remains(ei, 0.99 * f, z) < V)
+  for _, side in ipairs { -1, 1 } do
+    local a, b = f * (1 + 0.05 * side), f * (1 + 0.35 * side)
+    near("damped, zero", remains(ei, where(ei, z, math.min(a, b), math.max(a, b)), z), 0, 1e-6)
+  end
+  near("first share", ei[1].share, 0.24968 + 0.24961 * V + 0.80008 * z + 1.23328 * V * z + 0.49599 * z ^ 2 + 3.17316 * V * z ^ 2, 2e-3)
+  near("last share", ei[3].share, 0.25149 + 0.21474 * V - 0.83249 * z + 1.41498 * V * z + 0.85181 * z ^ 2 - 4.90094 * V * z ^ 2, 2e-3)
+  near("second", ei[2].time / period, 0.4999 + 0.46159 * V * z + 4.26169 * V * z ^ 2 + 1.75601 * V * z ^ 3 + 8.57843 * V ^ 2 * z - 108.644 * V ^ 2 * z ^ 2 + 336.989 * V ^ 2 * z ^ 3, 0.015)
+  near("last", ei[3].time / period, 1, 0.025)
+end
+
 -- Profiles: the turn asked for, no faster than allowed, as fast as that; rate and acceleration are derivatives.
 local from, turn = quat.from_axis_angle({ 1, 2, -0.5 }, 0.7), { 0.3, -0.2, 0.5 }
 local far = vec.norm(turn)
@@ -63,7 +120,10 @@ end
 local none = slew.plan { from = from, to = { -from[1], -from[2], -from[3], -from[4] }, rate = 1, acceleration = 1 }
 assert(none.duration < 1e-6 and vec.norm(quat.error(from, (none.at(1)))) < 1e-15)
 for expected, call in pairs {
-  ["zv, zvd or zvdd, got ei"] = function() slew.shaper("ei", 1) end,
+  ["zv, zvd, zvdd or ei, got umzv"] = function() slew.shaper("umzv", 1) end,
+  ["a damping of ei from 0 to 0.3, got 0.4"] = function() slew.shaper("ei", 1, 0.4) end,
+  ["what remains of the vibration, from 0.001 to 0.15, got 0.2"] = function() slew.shaper("ei", 1, 0, 0.2) end,
+  ["what remains, of ei alone, got 0.05"] = function() slew.shaper("zvd", 1, 0, 0.05) end,
   ["a frequency > 0 Hz, got 0"] = function() slew.shaper("zv", 0) end,
   ["a damping from 0 to below 1, got 1"] = function() slew.shaper("zv", 1, 1) end,
   ["a rate > 0, got nil"] = function() slew.plan { from = from, to = to, acceleration = 1 } end,
