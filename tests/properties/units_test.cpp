@@ -7,6 +7,7 @@
 
 #include "bodies/modal/lumped.hpp"
 #include "core/base/units.hpp"
+#include "core/dynamics/loops.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/properties/closed_mechanisms.hpp"
 
@@ -128,7 +129,26 @@ TEST(Units, OfClosedLoopsAreNotKnown) {
     });
 }
 
-/// Springs, stops, friction, what bounces and what sticks.
+/// How near loops are to a singular posture: of rows that modes move too, whose coordinates have scales of their own.
+TEST(Units, OfPivotsAreNotKnown) {
+  std::vector<std::string> hinges = kAllHinges;
+  std::erase(hinges, "helical");  // the rows of a screw mix turns and ways
+  for_all_trees({.bodies = 6, .flexible = 0.5, .hinges = hinges}, 1e-12, [](const RandomTree& tree) {
+    const RandomTree closed = cut(tree).closed;
+    if (closed.spec.loops.empty()) return 0.0;
+    const auto pivots = [](const RandomTree& t) {
+      Loaded at(t);
+      const LoopRank rank = loop_rank(*at.model, at.ws, at.state.q.data());
+      return Eigen::Vector2d(rank.smallest, rank.distance);
+    };
+    const Eigen::Vector2d want = pivots(closed);
+    double worst = 0.0;
+    for (const Units& units : kUnits) worst = worse(worst, apart(pivots(in(units, closed)), want));
+    return worst;
+  });
+}
+
+/// Springs, stops, friction and bounces.
 TEST(Units, OfARunAreNotKnown) {
   for_all_trees({.bodies = 5, .flexible = 0.3, .springs = true, .loads = true}, 1e-13, [](const RandomTree& tree) {
     RandomTree given = tree;
