@@ -343,15 +343,20 @@ Eigen::MatrixXd idle_forces(const Model& model, const Workspace& ws, const std::
   const auto rows = static_cast<std::size_t>(model.loops.rows), nv = static_cast<std::size_t>(model.nv);
   const std::size_t n = rows - static_cast<std::size_t>(work.rank);
   Eigen::MatrixXd out = Eigen::MatrixXd::Zero(static_cast<Eigen::Index>(components.size()), static_cast<Eigen::Index>(n));
-  double most = 0.0;
-  for (std::size_t k = 0; k < n; ++k)
-    for (std::size_t i = 0; i < components.size(); ++i)
-      for (std::size_t row = 0; row < rows; ++row) {
-        const double push = work.N[k * rows + row] * work.G[row * nv + static_cast<std::size_t>(components[i])];
-        out(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) += push;
-        most = std::max(most, std::abs(push));
-      }
-  if (out.cwiseAbs().maxCoeff() <= kDependent * most) return {};
+  const std::vector<double>& scale = model.loops.column_scale;
+  // Rows that follow from others whatever is held push nothing but rounding, which is small beside what each row pushes anywhere.
+  for (std::size_t k = 0; k < n; ++k) {
+    double most = 0.0;
+    for (std::size_t row = 0; row < rows; ++row)
+      for (std::size_t v = 0; v < nv; ++v) most = std::max(most, std::abs(work.N[k * rows + row] * work.G[row * nv + v]) * scale[v]);
+    for (std::size_t i = 0; i < components.size(); ++i) {
+      const auto v = static_cast<std::size_t>(components[i]);
+      double push = 0.0;
+      for (std::size_t row = 0; row < rows; ++row) push += work.N[k * rows + row] * work.G[row * nv + v];
+      if (std::abs(push) * scale[v] > kDependent * most) out(static_cast<Eigen::Index>(i), static_cast<Eigen::Index>(k)) = push;
+    }
+  }
+  if (out.isZero(0.0)) return {};
   return out;
 }
 

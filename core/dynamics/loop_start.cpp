@@ -211,6 +211,8 @@ void prepare_loops(Model& model) {
   Workspace ws(model);
   State start = model.initial_state();
   const std::vector<std::uint8_t> turns = turning(model);
+  std::vector<std::uint8_t> is_mode(static_cast<std::size_t>(model.nv));
+  for (const UserBody& u : model.user) std::fill_n(is_mode.begin() + u.etadot, u.n_modes, std::uint8_t{1});
   /// Levers, scales and coordinates of hinges that close, at a start; then its residuals with them.
   const auto measure = [&] {
     stand(model, ws, start.q.data(), false);
@@ -236,10 +238,20 @@ void prepare_loops(Model& model) {
         continue;
       }
       loop.lever = lever_of(model, ws, loop, l, start.q.data());
-      for (const int v : loop.rates) refer(v, turns[static_cast<std::size_t>(v)] ? loop.lever : 1.0);
+      for (const int v : loop.rates)
+        if (!is_mode[static_cast<std::size_t>(v)]) refer(v, turns[static_cast<std::size_t>(v)] ? loop.lever : 1.0);
       if (loop.hinge) loop.q0 = ws.loops->q[l];
     }
     pass.place();  // with the levers
+    pass.matrix();
+    for (Loop& loop : loops.all) {  // the arm of a mode, in metres for one of its coordinate, is what it moves the ends by
+      for (int i = loop.first; i < loop.first + loop.rows; ++i)
+        for (const int v : loop.rates)
+          if (const auto at = static_cast<std::size_t>(v); is_mode[at])
+            loop.reference = std::max(loop.reference, std::abs(ws.loops->G[static_cast<std::size_t>(i * model.nv + v)]) *
+                                                          pass.in_metres(loop, i) * loops.column_scale[at]);
+      if (loop.reference == 0.0) loop.reference = 1.0;
+    }
     return open_rows(model, pass, *ws.loops, start.v);
   };
   OpenRows open = measure();

@@ -101,6 +101,8 @@ LeavingMass leaving_mass(const Model& model, const cardan_mount_motion* motions,
                          const FieldMoment* at) {
   LeavingMass sum;
   for (const DeviceMass& own : model.devices.masses) {
+    const UserBody& u = model.user[own.user];
+    if (u.sweep == 0) continue;  // on the ground: its energy is in no sum
     const Device& d = model.devices.all[own.device];
     const cardan_mount_motion& body = motions[d.mount + own.mount];
     const cardan_mass m = mass_of(d, z, marks), change = mass_rate(model.devices, d, z, marks, zdot);
@@ -113,8 +115,6 @@ LeavingMass leaving_mass(const Model& model, const cardan_mount_motion* motions,
     const GravityField& g = model.field;
     if (g.uniform) sum.power -= dot(g.g, dM.m * W.p + W.R * dM.h);
     if (!pulls_with_energy(g)) continue;
-    const UserBody& u = model.user[own.user];
-    if (u.sweep == 0) continue;
     const RigidInertia<Tangent> both = along(model.bodies[u.sweep].M, to_inboard(u.pose, dM));
     sum.power += soa::potential(g, both, cast<Tangent>(W * inverse(u.pose)), at).d;
   }

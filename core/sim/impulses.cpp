@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/dynamics/forward.hpp"
 #include "core/sim/simulation.hpp"
@@ -42,14 +43,25 @@ void Simulation::strike() {
 
 void Simulation::find_jump() {
   const Model& m = *model_;
-  // Forward dynamics at rest, without gravity and what bends the modes: v' is then what one unit of time of these loads gives.
+  // Forward dynamics at rest, without gravity and what bends the modes: v' is then what one unit of time of these loads gives. The unit is
+  // so short, a power of two, that the loads are far above the forces of the modes: their rounding would else be in the jump.
   Eigen::VectorXd& f = impulse_.force;
-  f = impulse_.hinges;
+  f.setZero(m.nv);
   for (const UserBody& u : m.user)
     if (u.n_modes > 0)
       if (const ModalData& modes = *m.flexible[static_cast<std::size_t>(m.bodies[static_cast<std::size_t>(u.sweep)].flexible)].data;
           modes.K.size() > 0)
-        f.segment(u.etadot, u.n_modes).noalias() += modes.K * state_.q.segment(u.eta, u.n_modes);
+        f.segment(u.etadot, u.n_modes).noalias() = modes.K * state_.q.segment(u.eta, u.n_modes);
+  double loads = impulse_.hinges.lpNorm<Eigen::Infinity>();
+  for (const NodeWrench& w : impulse_.wrenches)
+    loads = std::max({loads, moment_of(w).lpNorm<Eigen::Infinity>(), force_of(w).lpNorm<Eigen::Infinity>()});
+  const double bends = f.lpNorm<Eigen::Infinity>();
+  const double per_unit = bends > 0.0 && loads > 0.0 ? std::exp2(std::clamp(20 + std::ilogb(bends) - std::ilogb(loads), -900, 900)) : 1.0;
+  const auto scale_wrenches = [&](double by) {
+    for (NodeWrench& w : impulse_.wrenches) w.f = by * w.f;
+  };
+  f += per_unit * impulse_.hinges;
+  scale_wrenches(per_unit);
   // What a device holds gives way: its force has a limit, and an impulse has none.
   for (const DeviceHold& h : m.devices.holds) own_->prescribed[static_cast<std::size_t>(h.v)] = 0;
   impulse_.rest.setZero(m.nv), impulse_.jump.resize(m.nv);
@@ -59,7 +71,10 @@ void Simulation::find_jump() {
                   .vdot = impulse_.rest.data(),
                   .wrenches = impulse_.wrenches,
                   .gravity = false};
-  if (forward_dynamics(m, workspace_, in, impulse_.jump.data())) return;
+  const bool good = forward_dynamics(m, workspace_, in, impulse_.jump.data());
+  scale_wrenches(1.0 / per_unit);
+  impulse_.jump /= per_unit;
+  if (good) return;
   RunFailure failure = describe_breakdown(m, workspace_.breakdown, state_.t);
   tell_singular_posture(m, workspace_.breakdown, state_.t, state_.q.data(), drives_.data(), failure);
   fail(std::move(failure));

@@ -86,6 +86,16 @@ void close_start(lua_State* L, Scenario& s, const std::vector<InitialGiven>& giv
   }
 }
 
+/// The coordinates of a hinge that is locked are in its model, as the vehicle's file gives them.
+void refuse_locked(MapReader& map, const BodySpec& body, const cardan_hinge_family& family, DiagnosticSink& sink) {
+  std::vector<double> q(family.nq), v(family.nv);
+  const InitialGiven given = read_initial(map, family, q.data(), v.data());
+  if (given.coordinates || given.velocities)
+    sink.report(Code::bad_initial_state, map.ref().at(), "values of a hinge that moves",
+                fmt::format("those of {}, which is locked", body.name),
+                fmt::format("it is held where `initial` of bodies.{}.hinge in the vehicle's file says", body.name));
+}
+
 int initial(lua_State* L, Scenario& s) {
   expect_setup(L, s, "initial", true);
   const DocNode given = document(L, 1, LuaHost::caller(L));
@@ -106,7 +116,8 @@ int initial(lua_State* L, Scenario& s) {
       InitialGiven& of_hinge = by_mission[static_cast<std::size_t>(&u - s.model->user.data())];
       of_hinge = read_initial(map, *u.hinge, q, state.v.data() + u.v);
       if (of_hinge.coordinates) settle_coordinates(*u.hinge, u.hinge_packed.data(), q, map.ref().at(), sink);
-    }
+    } else if (const BodySpec& body = *s.model->spec->find(u.name); body.hinge.locked)
+      refuse_locked(map, body, *s.registry.hinge(body.hinge.type), sink);
     read_modes(map, "eta", "1", u.n_modes, state.q.data() + u.eta);
     read_modes(map, "etadot", "1/s", u.n_modes, state.v.data() + u.etadot);
     map.finish();

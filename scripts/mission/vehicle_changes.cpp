@@ -89,11 +89,15 @@ SystemSpec VehicleChanges::described(const Overrides& values) const {
   SystemSpec spec = vehicle_from_text(described_->source_text, s_.file, s_.registry, values, described_.get());
   take_modes(spec, *s_.model->spec);
   make_modes(spec, ModeCache::of_user());
-  for (std::size_t i = 0; begun_elsewhere_ && i < std::min(spec.bodies.size(), described_->bodies.size()); ++i) {
+  for (std::size_t i = 0; i < std::min(spec.bodies.size(), described_->bodies.size()); ++i) {
     BodySpec& body = spec.bodies[i];
     const BodySpec& begun = described_->bodies[i];
     if (body.name != begun.name || body.hinge.type != begun.hinge.type) continue;
-    body.hinge.q = begun.hinge.q, body.hinge.v = begun.hinge.v, body.eta = begun.eta, body.etadot = begun.etadot;
+    // A hinge that is written anew, as vehicle:attach does, begins where it began.
+    const bool anew = body.hinge.q.empty() && body.hinge.v.empty() &&
+                      std::ranges::find(values, "bodies." + body.name + ".hinge", &Overrides::value_type::first) != values.end();
+    if (begun_elsewhere_ || anew) body.hinge.q = begun.hinge.q, body.hinge.v = begun.hinge.v;
+    if (begun_elsewhere_) body.eta = begun.eta, body.etadot = begun.etadot;
   }
   return spec;
 }

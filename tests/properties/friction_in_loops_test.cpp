@@ -4,6 +4,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <random>
 
 #include "core/dynamics/loops.hpp"
 #include "core/sim/rejoin.hpp"
@@ -259,6 +260,42 @@ TEST(FrictionInLoops, WhatIsHeldTakesPartInAGrip) {
     EXPECT_NEAR(sim.state().q[1], 3.0 + 1.5, 1e-10);
     EXPECT_EQ(sim.state().v[1], 0.0);
     EXPECT_TRUE(sim.ledger().pass);
+  }
+}
+
+/// Two planes that guide a link say one of their six conditions twice, whatever is held. What multipliers can push against each other there
+/// is nothing but rounding on a slide that hangs on the link, and its friction of a millionth of a newton does not hold the weight of a
+/// body.
+TEST(FrictionInLoops, ConditionsThatAreSaidTwiceHoldNothing) {
+  std::mt19937 random(7);
+  std::uniform_real_distribution<double> number(-1.0, 1.0);
+  const auto vector = [&] { return Vector3d(number(random), number(random), number(random)); };
+  const auto axes = [&] { return Eigen::Quaterniond(number(random), number(random), number(random), number(random)).normalized(); };
+  for (int trial = 0; trial < 20; ++trial) {
+    BodySpec base = on(rigid("base", 2.0, {0.1, 0.2, 0.0}, diagonal({0.5, 0.6, 0.7})), "", "free");
+    BodySpec slide = on(rigid("slide", 1.0, {0.0, 0.1, 0.1}, diagonal({0.2, 0.3, 0.25})), "base", "prismatic", {vector()}, vector());
+    BodySpec link =
+        on(rigid("link", 1.5, {0.1, 0.0, -0.1}, diagonal({0.3, 0.3, 0.4})), "slide", "universal", {vector(), vector()}, vector());
+    const Vector3d place = slide.hinge.onode_position + link.hinge.onode_position;  // all stand alike at the start
+    SystemSpec spec = system({base, slide, link}, uniform_gravity({1, -2, 3}));
+    for (const char* name : {"one", "other"}) {
+      LoopSpec plane;
+      plane.name = name, plane.type = "planar", plane.params = along({{1, 0, 0}, {0, 1, 0}});
+      plane.from.position = vector(), plane.from.R = axes().toRotationMatrix();
+      plane.to = {"link", "", plane.from.position - place, plane.from.R, {}};
+      spec.loops.push_back(plane);
+    }
+    for (const LoopForm form : kForms) {
+      spec.loop_form = form;
+      spec.devices.clear();
+      Simulation free(compiled(spec), accurate());
+      EXPECT_LT(free.model().loops.rank, free.model().loops.rows);
+      spec.devices = {dry("slide", 1e-6, 1e-6)};
+      Simulation sim(compiled(spec), accurate());
+      free.run(0.01), sim.run(0.01);
+      EXPECT_LT((sim.state().v - free.state().v).lpNorm<Eigen::Infinity>(), 1e-6) << trial;  // what the friction does in this time
+      EXPECT_GT(std::abs(free.state().v[rate_of(free, "slide")]), 1e-4) << trial;
+    }
   }
 }
 

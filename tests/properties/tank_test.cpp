@@ -258,6 +258,19 @@ TEST(VaryingMass, IsInTheLedger) {
   }
 }
 
+/// A body that the ground carries, and what leaves it, is in no sum of the ledger, wherever it stands and whatever pulls.
+TEST(VaryingMass, OnTheGroundIsInNoBalance) {
+  for (const GravitySpec& g : {GravitySpec{}, uniform_gravity({1, -2, 3}), central_gravity(50.0, true, {7, 5, -6})}) {
+    BodySpec arm = on(rigid("arm", 1.0, {0.5, 0, 0}, diagonal({0.1, 0.1, 0.1})), "stand", "revolute", {{0, 0, 1}});
+    arm.hinge.v = {1.0};
+    SystemSpec spec = system({on(rigid("stand", 10.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "locked", {}, {1, 2, 3}), arm}, g);
+    spec.devices = {tank("stand", 1.0, 0.2, "jet.flow"), thruster("jet", "stand", 20.0, 50.0, {0, 1, 0})};
+    Simulation sim(compiled(spec), accurate());
+    sim.run(1.0);
+    EXPECT_TRUE(sim.ledger().pass) << residuals(sim);
+  }
+}
+
 TEST(VaryingMass, TakesPartInTheJacobian) {
   for (const GravitySpec& g : {GravitySpec{}, uniform_gravity({0.5, -1, 2}), central_gravity(50.0, true, {7, 5, -6})})
     for_all_trees(

@@ -136,6 +136,25 @@ TEST(Topology, ARunIsRepeatedAndResumedWithTheSameBits) {
   EXPECT_EQ(json(channels_of(dir / "again")).dump(), all);
 }
 
+// A hinge is written anew where it is: nothing happens but that what it says otherwise holds from then on. It was refused, as an initial
+// state.
+TEST(Topology, AHingeIsWrittenAnewWhereItIs) {
+  const TemporaryFolder dir;
+  constexpr const char* kPhases = "phase { name = 'a', duration = 1, exit_ = function() %s end }\nphase { name = 'b', duration = 1 }\n";
+  const auto channels = [&](const std::string& call) {
+    std::string phases = kPhases;
+    const Finished done = mission(dir, phases.replace(phases.find("%s"), 2, call));
+    EXPECT_EQ(done.exit_code, 0) << done.err;
+    return json(channels_of(dir / "out")).dump();
+  };
+  const std::string arm = "{type = 'revolute', axis = {1, 0, 0}, to = {body = 'bus', position = {1, 0, 0}}";
+  const std::string plain = channels("sat:change { ['bodies.arm.mass'] = '10 kg' }");
+  EXPECT_EQ(channels("sat:attach('arm', " + arm + "})"), plain);
+  const std::string sprung = channels("sat:change { ['bodies.arm.hinge.spring'] = '{stiffness: 5, damping: 1}' }");
+  EXPECT_NE(sprung, plain);
+  EXPECT_EQ(channels("sat:attach('arm', " + arm + ", spring = {stiffness = 5, damping = 1}})"), sprung);
+}
+
 // The velocities nu begin anew with the vehicle that an event leaves.
 TEST(Topology, InDiagonalisedVelocitiesTheMotionIsTheSame) {
   const TemporaryFolder dir;
