@@ -108,7 +108,7 @@ class Sequences final : public LuaHost::Tape {
   const std::deque<Sequence>& all() const { return all_; }
   /// Which values are handles, made anew from the same names.
   void know_handles(bool (*is_handle)(lua_State*, int)) { is_handle_ = is_handle; }
-  /// Of a function that only a sequence may call, in itself: C0503 elsewhere.
+  /// Of a function that only a sequence may call, in itself: C0502 elsewhere.
   Sequence& asking(lua_State* L, const char* what);
   const Moment& now(const Sequence& me) const { return me.now_; }
   /// Whether what the sequence asks for is there already; `look` finds out.
