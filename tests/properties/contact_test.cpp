@@ -409,7 +409,7 @@ TEST(Contact, NeverGivesEnergyOnRandomTrees) {
     RandomTree tree = random_tree(seed, options);
     std::vector<std::string> roots;
     for (BodySpec& b : tree.spec.bodies)
-      if (b.hinge.inboard_body.empty()) roots.push_back(b.name);
+      if (b.hinge.inboard_body.empty()) roots.push_back(b.name), b.hinge.onode_R.setIdentity();  // coordinates along the axes of the world
     if (roots.size() < 2) continue;
     SystemSpec spec = tree.spec;
     spec.devices = {contact(roots[0], sphere(0.6), roots[1], seed % 2 ? kBox : kRing,

@@ -55,7 +55,7 @@ inline SystemSpec with_devices(SystemSpec spec, unsigned seed) {
   for (const UserNode& n : bare->nodes) nodes.push_back(n.name), places[n.name] = observer.node(bare->find_node(n.name)).position;
   for (const UserBody& u : bare->user)
     for (int i = 0; i < u.nv; ++i)  // friction has a corner where its rate is zero, which differences would reach over
-      if ((!bare->has_prescribed() || bare->prescribed[static_cast<std::size_t>(u.v + i)] == 0) && std::abs(at.v[u.v + i]) > 0.02)
+      if ((!bare->has_prescribed() || bare->prescribed[static_cast<std::size_t>(u.v + i)] == 0) && std::abs(at.v[u.v + i]) > 0.05)
         components.push_back(u.name + "." + u.v_names[static_cast<std::size_t>(i)]);
   for (int i = 0; i < 3; ++i) {
     const std::string from = any(nodes), to = any(nodes);

@@ -91,7 +91,7 @@ Errors errors_of(Simulation& sim, const Rejoined& next, bool free_motion) {
   const State &a = sim.state(), &b = next.state;
   const VectorXd before = were.places(a.q), after = are.places(b.q);
   Errors e;
-  e.places = (after - before).lpNorm<Eigen::Infinity>() / (1.0 + before.lpNorm<Eigen::Infinity>());
+  e.places = largest(after - before) / (1.0 + largest(before));
   const auto bodies = compiled(all_let_go(*next.model->spec, after));
   Workspace ws(*bodies);
   const MatrixXd M = mass_matrix(*bodies, ws, bodies->initial_state().q.data());
@@ -102,14 +102,14 @@ Errors errors_of(Simulation& sim, const Rejoined& next, bool free_motion) {
   const VectorXd size = T.transpose().cwiseAbs() * (M.cwiseAbs() * (V0.cwiseAbs() + V1.cwiseAbs()));
   for (int i = 0; i < left.size(); ++i)
     if (next.model->has_prescribed() && next.model->prescribed[idx(i)]) left[i] = 0.0;
-  e.nearest = left.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() / size.maxCoeff<Eigen::PropagateNaN>();
+  e.nearest = relative(largest(left), largest(size));
   const Momentum p = were.momentum(a.q, a.v), r = are.momentum(b.q, b.v);
   const bool floats = std::ranges::all_of(next.model->spec->bodies, [](const BodySpec& x) {
     return !x.hinge.inboard_body.empty() || (x.hinge.type == "free" && !x.hinge.locked);
   });
   if (floats)
     e.momentum = std::max((p.linear - r.linear).norm() / p.linear_magnitude, (p.angular - r.angular).norm() / p.angular_magnitude);
-  if (free_motion) e.kept = (V1 - V0).lpNorm<Eigen::Infinity>() / V0.lpNorm<Eigen::Infinity>();
+  if (free_motion) e.kept = relative(largest(V1 - V0), largest(V0));
   return e;
 }
 
@@ -259,7 +259,7 @@ TEST(Rejoin, AClosedWeldIsAnAttachment) {
         const Errors e = errors_of(sim, by_hinge, false);
         const VectorXd a = Bodies(*by_loop.model).velocities(by_loop.state.q, by_loop.state.v),
                        b = Bodies(*by_hinge.model).velocities(by_hinge.state.q, by_hinge.state.v);
-        return worse(e.largest(), (a - b).lpNorm<Eigen::Infinity>() / b.lpNorm<Eigen::Infinity>());
+        return worse(e.largest(), relative(largest(a - b), largest(b)));
       });
 }
 
