@@ -19,16 +19,14 @@ void PortFault::expect_good(const Located& at) const {
   expect(std::isfinite(from), "from", "a finite time [s]", from);
   expect(until > from, "until", "a time [s] after that at which it begins", until);
   expect(std::isfinite(delay) && delay >= 0.0, "delay", "a time >= 0 s", delay);
-  const auto expect_alone = [&](const char* key, bool there, bool PortFault::*flag, const char* expected) {
-    PortFault others = *this;
-    if (flag)
-      others.*flag = false;
-    else
-      others.swap = -1;
-    if (there && others.any()) refuse(Code::out_of_range, {at.key_path + "." + key, at.mark}, expected, "others as well");
+  const auto expect_alone = [&](const char* key, const PortFault& others, const char* expected) {
+    if (others.any()) refuse(Code::out_of_range, {at.key_path + "." + key, at.mark}, expected, "others as well");
   };
-  expect_alone("stuck", stuck, &PortFault::stuck, "nothing beside it: what is stuck has no scale, bias, drift, noise, drop, delay or swap");
-  expect_alone("swap", swap >= 0, nullptr, "nothing beside it: what is swapped has no scale, bias, drift, noise, drop or delay");
+  PortFault others = *this;
+  others.stuck = false;
+  if (stuck) expect_alone("stuck", others, "nothing beside it: what is stuck has no scale, bias, drift, noise, drop, delay or swap");
+  others.swap = -1;
+  if (swap >= 0) expect_alone("swap", others, "nothing beside it: what is swapped has no scale, bias, drift, noise, drop or delay");
 }
 
 AlteredPort RunningFault::altered(int index) const {

@@ -6,8 +6,8 @@
 
 namespace cardan {
 
-/// Of the way to a node: nearer ones are where it is, as far as 53 bits tell, and a line between them would have any direction.
-inline constexpr double kOnePoint = 1e-14;
+/// Of the way to a node, some roundings: a nearer one is where it is, as far as 53 bits tell, and a line between them has any direction.
+inline constexpr double kOnePoint = 2e-15;
 
 template <class T>
 struct NodeLine {

@@ -99,18 +99,21 @@ RandomTree in(const Units& units, RandomTree tree) {
   return tree;
 }
 
+/// Accelerations in other units beside those in SI.
+double accelerations_apart(const RandomTree& tree) {
+  Loaded a(tree);
+  const VectorXd want = a.forward();
+  double worst = 0.0;
+  for (const Units& units : kUnits) {
+    Loaded b(in(units, tree));
+    worst = worse(worst, apart((b.forward().array() * units.time / rates_in(units, *a.model).array()).matrix().eval(), want));
+  }
+  return worst;
+}
+
 TEST(Units, OfAccelerationsAreNotKnown) {
   for (const TreeOptions& options : {TreeOptions{.locked = 0.15, .prescribed = 0.1}, TreeOptions{.gravity = GravitySpec::Kind::central}})
-    for_all_trees(options, 0.0, [](const RandomTree& tree) {
-      Loaded a(tree);
-      const VectorXd want = a.forward();
-      double worst = 0.0;
-      for (const Units& units : kUnits) {
-        Loaded b(in(units, tree));
-        worst = worse(worst, apart((b.forward().array() * units.time / rates_in(units, *a.model).array()).matrix().eval(), want));
-      }
-      return worst;
-    });
+    for_all_trees(options, 0.0, accelerations_apart);
 }
 
 TEST(Units, OfClosedLoopsAreNotKnown) {
@@ -118,14 +121,7 @@ TEST(Units, OfClosedLoopsAreNotKnown) {
     for_all_trees({.bodies = 6, .flexible = 0.2, .wheels = 0.3}, 1e-14, [&](const RandomTree& tree) {
       RandomTree closed = cut(tree).closed;
       closed.spec.loop_form = form;
-      Loaded a(closed);
-      const VectorXd want = a.forward();
-      double worst = 0.0;
-      for (const Units& units : kUnits) {
-        Loaded b(in(units, closed));
-        worst = worse(worst, apart((b.forward().array() * units.time / rates_in(units, *a.model).array()).matrix().eval(), want));
-      }
-      return worst;
+      return accelerations_apart(closed);
     });
 }
 

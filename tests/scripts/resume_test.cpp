@@ -18,6 +18,20 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
+/// Of a run by this method, "dopri5" or "dopri5 between steps".
+std::vector<std::string> options_of(const std::string& method) {
+  std::vector<std::string> options{"--set", "mission.integrator.method=" + method.substr(0, method.find(' ')), "--seed", "5"};
+  if (method.ends_with("between steps")) options.insert(options.end(), {"--set", "mission.output.between_steps=true"});
+  if (method == "rk4" || method == "variational") options.insert(options.end(), {"--set", "mission.integrator.step=0.01 s"});
+  return options;
+}
+/// `cardan run` with these after the others.
+Finished run_with(const std::vector<std::string>& options, std::vector<std::string> arguments, const TemporaryFolder& dir) {
+  arguments.insert(arguments.begin(), "run");
+  arguments.insert(arguments.end(), options.begin(), options.end());
+  return run_program(arguments, dir.path());
+}
+
 /// A pendulum on a controller that remembers, draws and records; phases, events, a line, a warning.
 const char* kMission = R"lua(
 local sat = vehicle "vehicle.yaml"
@@ -71,15 +85,9 @@ TEST(Resume, GoesOnAsIfTheRunHadNeverStopped) {
                                    "cvode_adams", "cvode_bdf", "variational", "dop853 between steps"}) {
     const TemporaryFolder dir;
     make_scenario(dir, kMission);
-    std::vector<std::string> options{"--set", "mission.integrator.method=" + method.substr(0, method.find(' ')), "--seed", "5"};
-    if (method.ends_with("between steps"))
-      options.insert(options.end(), {"--set", "mission.output.between_steps=true", "--set", "mission.output.rate=30 Hz"});
-    if (method == "rk4" || method == "variational") options.insert(options.end(), {"--set", "mission.integrator.step=0.01 s"});
-    const auto run = [&](std::vector<std::string> arguments) {
-      arguments.insert(arguments.begin(), "run");
-      arguments.insert(arguments.end(), options.begin(), options.end());
-      return run_program(arguments, dir.path());
-    };
+    std::vector<std::string> options = options_of(method);
+    if (method.ends_with("between steps")) options.insert(options.end(), {"--set", "mission.output.rate=30 Hz"});
+    const auto run = [&](const std::vector<std::string>& arguments) { return run_with(options, arguments, dir); };
     const Finished whole = run({dir.path(), "--out", "whole"});
     ASSERT_LE(whole.exit_code, 1) << whole.err;
     EXPECT_EQ(whole.out.find("cannot be resumed"), std::string::npos) << whole.out;
@@ -175,14 +183,8 @@ TEST(Resume, GoesOnInTheMiddleOfPlans) {
   for (const std::string method : {"dopri5", "exponential", "rk4", "cvode_bdf", "dopri5 between steps"}) {
     const TemporaryFolder dir;
     make_scenario(dir, kPlan);
-    std::vector<std::string> options{"--set", "mission.integrator.method=" + method.substr(0, method.find(' ')), "--seed", "5"};
-    if (method.ends_with("between steps")) options.insert(options.end(), {"--set", "mission.output.between_steps=true"});
-    if (method == "rk4") options.insert(options.end(), {"--set", "mission.integrator.step=0.01 s"});
-    const auto run = [&](std::vector<std::string> arguments) {
-      arguments.insert(arguments.begin(), "run");
-      arguments.insert(arguments.end(), options.begin(), options.end());
-      return run_program(arguments, dir.path());
-    };
+    const std::vector<std::string> options = options_of(method);
+    const auto run = [&](const std::vector<std::string>& arguments) { return run_with(options, arguments, dir); };
     const Finished whole = run({dir.path(), "--out", "whole"});
     ASSERT_LE(whole.exit_code, 1) << whole.err;
     EXPECT_EQ(whole.out.find("cannot be resumed"), std::string::npos) << whole.out;
