@@ -28,6 +28,10 @@ constexpr int kDamped = 10;        // damped steps
 constexpr double kDamping = 1e-4;  // of the first of them, over what is left of r
 constexpr double kTurning = 1e-6;  // rates of loops that cannot be at rest, over the largest rate, or 1
 constexpr double kStalled = 1e-8;  // where nothing comes nearer: what is left, as a displacement, that is rounding
+constexpr double kBent = 0.5;      // of r: how far r may be from what its slope told, for a step of the descent
+constexpr double kCaution = 0.9;   // of the span that would just reach that
+constexpr double kSpans = 8.0;     // by which spans grow and shrink at most
+constexpr int kShrunk = 24;        // times, at most, in one step
 
 double largest(const VectorXd& x) { return x.size() > 0 ? x.lpNorm<Eigen::Infinity>() : 0.0; }
 
@@ -53,10 +57,13 @@ struct Slope {
     normal.diagonal().array() += damping;
     return -symmetric_solve(normal, VectorXd(A.transpose() * scaled(r)));
   }
-  /// y'' = J y grows somewhere: an eigenvalue is positive, and no rounding of zero.
-  bool drives_itself() const {
+  /// The dy that y' = r takes in a span, by Euler's implicit step: (1 - span J) dy = span r.
+  VectorXd descent(const VectorXd& r, double span) const { return lu_solve(MatrixXd::Identity(J.rows(), J.cols()) - span * J, span * r).x; }
+  /// Of y'' = J y: the eigenvalue that lets it grow most, zero if none does but by rounding.
+  double growth() const {
     const Eigen::ArrayXcd lambda = eigenvalues(J);
-    return lambda.real().maxCoeff() > kNeutral * lambda.abs().maxCoeff();
+    const double most = lambda.real().maxCoeff();
+    return most > kNeutral * lambda.abs().maxCoeff() ? most : 0.0;
   }
   /// What no dy takes away of r, in the unit of y: zero but for rounding where J has its rank.
   double out_of_reach(const VectorXd& r) const { return largest(scaled(r + J * newton_step(r))); }
@@ -85,36 +92,24 @@ class Search {
   }
 
   Equilibrium run(const EquilibriumOptions& options) {
-    Equilibrium out;
-    State at = trial_.state();
-    for (int v = 0; v < m_.nv; ++v)
-      if (moves_[static_cast<std::size_t>(v)]) at.v[v] = 0.0;
-    if (!place(at)) trial_.set_state(at), trial_.vdot();  // throws what is wrong with the start
-    if (const double turning = largest(trial_.state().v - at.v); turning > kTurning * std::max(1.0, largest(at.v)))
-      refuse(Code::unsupported, {"equilibrium.move"}, "loops that let what may move be at rest while all others keep their rates",
-             fmt::format("rates that loops change by {:.3g}", turning), "name more of those of the loops, or stop what turns them");
-    VectorXd went = VectorXd::Zero(m_.nv), sizes;
-    double out_of_reach = 0.0;
-    bool settled = false, nearer = true;
-    while (!settled && nearer && out.iterations < options.iterations) {
-      Poll::now();
-      ++out.iterations;
-      const std::optional<Slope> here = slope_beyond_start(out.iterations);
-      if (!here) break;
-      Slope slope = *here;
-      slope.set_sizes(sizes);
-      const VectorXd r = slope.r(trial_.vdot()), d = slope.along * slope.newton_step(r);
-      if (!d.allFinite()) break;
-      out_of_reach = slope.out_of_reach(r);
-      const double far = std::max(1.0, largest(went));
-      const bool by_newton = approach_by_newton(slope, d, options.step, went);
-      nearer = by_newton || approach_with_damping(slope, r, options.step, went);
-      settled = by_newton ? largest(d) <= options.tolerance * far : !nearer && largest(slope.scaled(r)) <= kStalled * far;
+    begin_at_rest();
+    const State start = trial_.state();
+    Course course = by_newton(options);
+    if (!course.reached()) {
+      const State nearest = trial_.state();
+      place(start);
+      Course down = by_descent(options);
+      down.iterations += course.iterations;
+      if (down.reached())
+        course = down;
+      else
+        place(nearest), course.iterations = down.iterations;
     }
+    Equilibrium out;
     out.q = trial_.state().q, out.v = trial_.state().v;
-    out.reached = settled && out_of_reach <= kStalled;
-    out.statically_stable = out.reached && !slope_here().drives_itself();
-    tell(out, settled);
+    out.iterations = course.iterations, out.reached = course.reached();
+    out.statically_stable = out.reached && slope_here().growth() == 0.0;
+    tell(out, course.settled);
     return out;
   }
 
@@ -123,6 +118,72 @@ class Search {
   const Model& m_;
   std::vector<std::uint8_t> moves_, turns_;  // per velocity component
   std::optional<LoopProjection> loops_;
+
+  /// How a search ended.
+  struct Course {
+    int iterations = 0;
+    bool settled = false;       // no step goes on from there
+    double out_of_reach = 0.0;  // what of r none takes away, as a displacement
+    bool reached() const { return settled && out_of_reach <= kStalled; }
+  };
+
+  void begin_at_rest() {
+    State at = trial_.state();
+    for (int v = 0; v < m_.nv; ++v)
+      if (moves_[static_cast<std::size_t>(v)]) at.v[v] = 0.0;
+    if (!place(at)) trial_.set_state(at), trial_.vdot();  // throws what is wrong with the start
+    if (const double turning = largest(trial_.state().v - at.v); turning > kTurning * std::max(1.0, largest(at.v)))
+      refuse(Code::unsupported, {"equilibrium.move"}, "loops that let what may move be at rest while all others keep their rates",
+             fmt::format("rates that loops change by {:.3g}", turning), "name more of those of the loops, or stop what turns them");
+  }
+
+  /// To the equilibrium nearby, whether or not it is stable.
+  Course by_newton(const EquilibriumOptions& options) {
+    Course out;
+    VectorXd went = VectorXd::Zero(m_.nv), sizes;
+    bool nearer = true;
+    while (!out.settled && nearer && out.iterations < options.iterations) {
+      Poll::now();
+      ++out.iterations;
+      const std::optional<Slope> here = slope_beyond_start(out.iterations);
+      if (!here) break;
+      Slope slope = *here;
+      slope.set_sizes(sizes);
+      const VectorXd r = slope.r(trial_.vdot()), d = slope.along * slope.newton_step(r);
+      if (!d.allFinite()) break;
+      out.out_of_reach = slope.out_of_reach(r);
+      const double far = std::max(1.0, largest(went));
+      const bool undamped = approach_by_newton(slope, d, options.step, went);
+      nearer = undamped || approach_with_damping(slope, r, options.step, went);
+      out.settled = undamped ? largest(d) <= options.tolerance * far : !nearer && largest(slope.scaled(r)) <= kStalled * far;
+    }
+    return out;
+  }
+
+  /// Down to one that is stable: along y' = r, which under forces that have a potential never rises in it, as masses measure what is steep.
+  /// The span of a step grows as r comes to be linear, until it is one of Newton's; not beyond where what drives itself on is led back.
+  Course by_descent(const EquilibriumOptions& options) {
+    Course out;
+    VectorXd went = VectorXd::Zero(m_.nv), sizes;
+    double span = 1.0;
+    while (!out.settled && out.iterations < options.iterations) {
+      Poll::now();
+      ++out.iterations;
+      const std::optional<Slope> here = slope_beyond_start(out.iterations);
+      if (!here) break;
+      Slope slope = *here;
+      slope.set_sizes(sizes);
+      const VectorXd r = slope.r(trial_.vdot());
+      out.out_of_reach = slope.out_of_reach(r);
+      const double far = std::max(1.0, largest(went));
+      if (const double growth = slope.growth(); growth > 0.0) span = std::min(span, 0.5 / growth);
+      const bool went_on = approach_by_descent(slope, r, options.step, span, went);
+      out.settled =
+          largest(slope.along * slope.newton_step(r)) <= options.tolerance * far || (!went_on && largest(slope.scaled(r)) <= kStalled);
+      if (!went_on) break;
+    }
+    return out;
+  }
 
   /// Goes there, loops closed; false where there are no accelerations.
   bool place(State at) {
@@ -232,6 +293,26 @@ class Search {
       VectorXd d = slope.along * slope.damped_step(r, damping);
       d *= within(turn, d);
       if (!place(moved(from, d)) || !(slope.scaled(slope.r(trial_.vdot())).norm() <= (1.0 - 1e-3) * now)) continue;
+      went += d;
+      return true;
+    }
+    place(from);
+    return false;
+  }
+
+  /// By the step of a span, or of one so much shorter that r is nearly what its slope tells; the next is as long as that lets expect.
+  bool approach_by_descent(const Slope& slope, const VectorXd& r, double turn, double& span, VectorXd& went) {
+    const State from = trial_.state();
+    const double now = slope.scaled(r).norm();
+    for (int tried = 0; tried < kShrunk; ++tried) {
+      const VectorXd dy = slope.descent(r, span), d = slope.along * dy;
+      if (!d.allFinite() || largest_turn(d) > turn || !place(moved(from, d))) {
+        span /= kSpans;
+        continue;
+      }
+      const double bent = slope.scaled(slope.r(trial_.vdot()) - r - slope.J * dy).norm();  // ~ span^2
+      span *= std::clamp(kCaution * std::sqrt(kBent * now / bent), 1.0 / kSpans, kSpans);
+      if (!(bent <= kBent * now)) continue;
       went += d;
       return true;
     }

@@ -306,7 +306,7 @@ function figure(options) end
 
 ---@class EquilibriumTask
 ---@field move string[] components that may move, and are at rest then: "boom.angle", "boom" for its hinge, "wing.eta" for its modes
----@field iterations? integer at most, default 50
+---@field iterations? integer at most, of each of two searches, default 50
 ---@field tolerance? number of the last step, default 1e-12 [rad, m]
 
 ---@class EquilibriumResult
