@@ -28,14 +28,17 @@ constexpr std::array<std::uint32_t, 2> noise_key(std::uint64_t seed, std::string
   return {static_cast<std::uint32_t>(hash), static_cast<std::uint32_t>(hash >> 32)};
 }
 
+/// In (0, 1], of 53 bits: from two words of one number of the bijection.
+constexpr double uniform_noise(std::uint32_t high, std::uint32_t low) {
+  return (static_cast<double>((std::uint64_t{high} << 32 | low) >> 11) + 1.0) * 0x1p-53;
+}
+
 /// n independent numbers of the normal distribution (mean 0, variance 1) for a tick, by pairs [Box & Muller 1958].
 inline void normal_noise(std::array<std::uint32_t, 2> key, std::uint64_t tick, std::uint32_t n, double* out) {
   for (std::uint32_t i = 0; i < n; i += 2) {
     const auto word = philox({static_cast<std::uint32_t>(tick), static_cast<std::uint32_t>(tick >> 32), i / 2, 0}, key);
-    const auto uniform = [&](std::size_t k) {  // in (0, 1], 53 bits
-      return (static_cast<double>((std::uint64_t{word[k]} << 32 | word[k + 1]) >> 11) + 1.0) * 0x1p-53;
-    };
-    const double r = std::sqrt(-2.0 * std::log(uniform(0))), angle = 2.0 * std::numbers::pi * uniform(2);
+    const double r = std::sqrt(-2.0 * std::log(uniform_noise(word[0], word[1]))),
+                 angle = 2.0 * std::numbers::pi * uniform_noise(word[2], word[3]);
     out[i] = r * std::cos(angle);
     if (i + 1 < n) out[i + 1] = r * std::sin(angle);
   }

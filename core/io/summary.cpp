@@ -15,7 +15,7 @@ std::string_view name_of(Verdict v) {
 }
 
 std::string to_json(const Summary& s) {
-  Json checks = Json::array(), figures = Json::array(), warnings = Json::array();
+  Json checks = Json::array(), figures = Json::array(), drawn = Json::array(), warnings = Json::array();
   for (const auto& c : s.checks) {
     checks.push_back({{"name", c.name},
                       {"value", c.value},
@@ -27,6 +27,7 @@ std::string to_json(const Summary& s) {
     if (!std::isinf(c.most)) checks.back()["most"] = c.most;
   }
   for (const auto& f : s.figures) figures.push_back({{"name", f.name}, {"value", f.value}, {"unit", f.unit}});
+  for (const auto& d : s.drawn) drawn.push_back({{"name", d.name}, {"value", d.value}, {"unit", d.unit}});
   for (const auto& w : s.warnings.all()) warnings.push_back(to_json(w));
   Json hashes = Json::object();
   for (const auto& [channel, hash] : s.hashes) hashes[channel] = hash;
@@ -64,6 +65,7 @@ std::string to_json(const Summary& s) {
       {"inner_steps", s.inner_steps},
       {"integration", integration},
       {"figures", figures},
+      {"drawn", drawn},
       {"warnings", warnings},
       {"warnings_left_out", s.warnings.left_out()},
       {"kept_outside_persist", s.kept_elsewhere},

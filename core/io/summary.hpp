@@ -63,6 +63,7 @@ struct Summary {
   StepInterval integration;                                                      // of the whole run
   std::vector<std::pair<std::string, long>> worst;  // by component how many steps its error set the length of, the largest number first
   std::vector<Figure> figures;
+  std::vector<Figure> drawn;  // parameters that chance set, in SI
   Warnings warnings;
   std::vector<std::string> kept_elsewhere;  // variables of the script that change outside of persist{}: the run cannot be resumed
   ModelSize model;

@@ -295,8 +295,10 @@ std::string read_text_file(const std::string& path) {
   return text;
 }
 
+SourceMark setting_mark(std::string_view key_path, std::string_view value) { return {fmt::format("--set {}={}", key_path, value), 0, 0}; }
+
 void apply_override(DocNode& root, std::string_view key_path, std::string_view value) {
-  const SourceMark mark{fmt::format("--set {}={}", key_path, value), 0, 0};
+  const SourceMark mark = setting_mark(key_path, value);
   DocNode* node = &root;
   std::string path;
   bool named_by_users = false;  // the keys of this map are names of bodies or nodes

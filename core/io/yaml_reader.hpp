@@ -23,6 +23,9 @@ std::string read_text_file(const std::string& path);
 /// users name (bodies, nodes) must exist; other keys may be new and are checked by the schema. Throws InputError.
 void apply_override(DocNode& root, std::string_view key_path, std::string_view value);
 
+/// Where errors in such a value are.
+SourceMark setting_mark(std::string_view key_path, std::string_view value);
+
 using Overrides = std::vector<std::pair<std::string, std::string>>;  // key path, value
 
 /// Reads, overrides, checks. Throws InputError with everything that is wrong, in the order of the file. `described`: the vehicle that the

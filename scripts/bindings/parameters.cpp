@@ -1,9 +1,12 @@
-// parameters { ... }: numbers of a script that the command line may set.
+// parameters { ... }: numbers of a script that the command line may set, and that chance may set anew in every run.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <map>
 
+#include "core/base/noise.hpp"
 #include "core/base/units.hpp"
 #include "core/io/yaml_reader.hpp"
 #include "scripts/bindings/bind.hpp"
@@ -30,17 +33,46 @@ std::optional<Quantity> read_quantity(const std::string& text, QuantityFault& fa
   return {};
 }
 
-/// "6 N m/rad": a value in SI with its unit.
-std::string with_unit(const std::string& value, const Dimension& dimension) {
+/// "N m/rad", in SI; "1": none.
+std::string unit_of(const Dimension& dimension) {
   const std::string text = describe(dimension);
   const std::size_t open = text.find('[');
-  return open == std::string::npos ? value : value + " " + text.substr(open + 1, text.size() - open - 2);
+  return open == std::string::npos ? "1" : text.substr(open + 1, text.size() - open - 2);
+}
+std::string with_unit(const std::string& value, const Dimension& dimension) {
+  const std::string unit = unit_of(dimension);
+  return unit == "1" ? value : value + " " + unit;
 }
 
 /// "+.5 m", not "../file".
 bool begins_like_a_number(const std::string& text) {
   const std::size_t at = text.find_first_of("+-") == 0 ? 1 : 0, digit = text.substr(at, 1) == "." ? at + 1 : at;
   return digit < text.size() && text[digit] >= '0' && text[digit] <= '9';
+}
+
+constexpr double kNarrowest = 0.1;  // standard deviations that `within` leaves at least
+
+/// How far a number may be off the one that is given.
+struct Spread {
+  double normal = 0.0;                                      // standard deviation
+  double within = std::numeric_limits<double>::infinity();  // which a normal one never exceeds
+  double uniform = 0.0;                                     // half of the width
+};
+
+/// Drawn for number i of what has this name, in the run of a seed; seed 0 is the run of the numbers that are given.
+double drawn(const Spread& s, std::uint64_t seed, const std::string& name, std::uint32_t i) {
+  if (seed == 0) return 0.0;
+  const auto key = noise_key(seed, name);
+  if (s.uniform > 0.0) {
+    const auto word = philox({i, 0, 0, 1}, key);
+    return s.uniform * (2.0 * uniform_noise(word[0], word[1]) - 1.0);
+  }
+  double off = 0.0;
+  for (std::uint64_t tried = 0; tried == 0 || std::abs(off) > s.within; ++tried) {
+    normal_noise(key, tried << 32 | i, 1, &off);
+    off *= s.normal;
+  }
+  return off;
 }
 
 /// One parameter: what the script gives, replaced by what the command line gives. Pushes its value.
@@ -130,6 +162,61 @@ class ParameterReader {
     lua_pushboolean(L_, flag);
   }
 
+  /// Of each number; none where the table has numbers alone. A size is one quantity for all of them, or one each.
+  std::vector<Spread> spreads_of(int table, const std::vector<Quantity>& about) {
+    std::map<std::string, std::vector<double>> given;
+    for (lua_pushnil(L_); lua_next(L_, table) != 0; lua_pop(L_, 1)) {
+      if (lua_type(L_, -2) != LUA_TSTRING) continue;
+      const std::string key = lua_tostring(L_, -2), path = name_ + "." + key;
+      if (key != "normal" && key != "uniform" && key != "within")
+        report(path, Code::unknown_key, "normal, uniform, within", in_quotes(key), did_you_mean(key, {"normal", "uniform", "within"}));
+      else
+        given[key] = sizes(lua_gettop(L_), path, about, key != "within");
+    }
+    if (given.contains("normal") == given.contains("uniform")) {
+      if (!given.empty()) report(name_, Code::wrong_type, "one of `normal` and `uniform`", given.contains("normal") ? "both" : "none");
+      return {};
+    }
+    std::vector<Spread> out(about.size());
+    for (std::size_t i = 0; i < about.size(); ++i) {
+      if (given.contains("normal")) out[i].normal = given["normal"][i];
+      if (given.contains("uniform")) out[i].uniform = given["uniform"][i];
+      if (!given.contains("within")) continue;
+      out[i].within = given["within"][i];
+      if (given.contains("uniform") || out[i].within < kNarrowest * out[i].normal) {
+        report(name_ + ".within", Code::out_of_range, fmt::format("a bound of `normal`, at least {:g} of it", kNarrowest),
+               fmt::format("{}", out[i].within), "`uniform` for what is that narrow");
+        return {};
+      }
+    }
+    return out;
+  }
+
+  std::vector<double> sizes(int value, const std::string& path, const std::vector<Quantity>& about, bool may_be_zero) {
+    std::vector<double> out(about.size(), 0.0);
+    const bool each = lua_type(L_, value) == LUA_TTABLE;
+    if (each && lua_rawlen(L_, value) != about.size()) {
+      report(path, Code::wrong_type, fmt::format("one quantity, or an array of {}", about.size()), describe_value(L_, value));
+      return out;
+    }
+    for (std::size_t i = 0; i < (each ? about.size() : std::min<std::size_t>(about.size(), 1)); ++i) {
+      if (each) lua_rawgeti(L_, value, static_cast<lua_Integer>(i) + 1);
+      const Quantity x = quantity(each ? -1 : value, each ? fmt::format("{}[{}]", path, i + 1) : path);
+      if (each) lua_pop(L_, 1);
+      if (x.dimension != about[i].dimension)
+        report(path, Code::wrong_unit, describe(about[i].dimension), describe(x.dimension));
+      else if (!(x.value > 0.0 || (may_be_zero && x.value == 0.0)))
+        report(path, Code::out_of_range, may_be_zero ? "a number >= 0" : "a number > 0", fmt::format("{}", x.value));
+      out[i] = x.value;
+    }
+    if (!each && !about.empty()) {
+      const bool alike = std::ranges::all_of(about, [&](const Quantity& q) { return q.dimension == about[0].dimension; });
+      if (!alike) report(path, Code::wrong_unit, "one for each of numbers in different units", "one for all");
+      std::ranges::fill(out, out[0]);
+    }
+    return out;
+  }
+
   void push_numbers(const Setting* set, int table) {
     const auto size = static_cast<int>(lua_rawlen(L_, table));
     std::vector<Quantity> all;
@@ -139,12 +226,25 @@ class ParameterReader {
       lua_pop(L_, 1);
     }
     if (all.empty()) report(name_, Code::wrong_type, "an array of numbers", "a table without them");
-    if (set) {
+    const std::vector<Spread> spreads = spreads_of(table, all);
+    const bool is_one = size == 1 && !spreads.empty();  // a number, by chance
+    if (set && is_one) {
+      all[0].value = replaced(set->value, all[0].dimension);
+    } else if (set) {
       const DocNode list = parse_yaml(set->value, fmt::format("--set {}={}", set->key, set->value));
       if (list.kind != DocNode::Kind::list || list.items.size() != all.size())
         report_setting(Code::wrong_type, fmt::format("a list of {} numbers: [1, 0, 0]", all.size()), in_quotes(set->value));
       else
         for (std::size_t i = 0; i < all.size(); ++i) all[i].value = replaced(list.items[i].text, all[i].dimension);
+    }
+    for (std::size_t i = 0; i < spreads.size(); ++i) {
+      if (!set) all[i].value += drawn(spreads[i], s_.seed, "parameters." + name_, static_cast<std::uint32_t>(i));
+      s_.drawn.push_back({is_one ? name_ : fmt::format("{}[{}]", name_, i + 1), all[i].value, unit_of(all[i].dimension)});
+    }
+    if (is_one) {
+      note(with_unit(fmt::format("{}", all[0].value), all[0].dimension));
+      lua_pushnumber(L_, all[0].value);
+      return;
     }
     lua_createtable(L_, size, 0);
     std::string text;

@@ -80,11 +80,52 @@ std::string_view vehicle_path(std::string_view key) {
   return std::ranges::any_of(kParts, [key](const char* part) { return key.starts_with(part); }) ? key : std::string_view();
 }
 
+/// The number at the top of the stack with all its bits, or the text.
+std::string exact_text(lua_State* L) {
+  return lua_isinteger(L, -1) || lua_type(L, -1) == LUA_TSTRING ? luaL_tolstring(L, -1, nullptr) : fmt::format("{}", lua_tonumber(L, -1));
+}
+
+/// { ["bodies.tank.mass"] = "3 kg", ["bodies.tank.com"] = {0, 0, 0.1} } at `index`: numbers in SI. In the order of the keys, whatever the
+/// table's.
+std::map<std::string, std::string> vehicle_values(lua_State* L, int index, const char* whose) {
+  const auto wrong = [&](const char* expected = "key paths of the vehicle with a text, a number or an array of numbers each") {
+    refuse(L, Code::lua_argument, whose, expected, describe_value(L, -1), "{ [\"bodies.tank.mass\"] = \"3 kg\" }");
+  };
+  std::map<std::string, std::string> out;
+  lua_pushvalue(L, index);
+  if (!lua_istable(L, -1)) wrong("a table of key paths");
+  const int table = lua_gettop(L);
+  for (lua_pushnil(L); lua_next(L, table) != 0; lua_settop(L, table + 1)) {
+    if (lua_type(L, -2) != LUA_TSTRING) wrong();
+    const std::string key = lua_tostring(L, -2);
+    if (vehicle_path(key).empty())
+      refuse(L, Code::unknown_name, whose, "a key path that begins with bodies., gravity., devices., fields. or loops.", in_quotes(key));
+    std::string& value = out[std::string(vehicle_path(key))];
+    if (lua_type(L, -1) == LUA_TSTRING || lua_type(L, -1) == LUA_TNUMBER) {
+      value = exact_text(L);
+    } else if (lua_istable(L, -1) && lua_rawlen(L, -1) > 0) {
+      const int list = lua_gettop(L);
+      for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(L, list)); ++i, lua_settop(L, list)) {
+        if (lua_rawgeti(L, list, i) != LUA_TNUMBER) wrong();
+        value += (i == 1 ? "[" : ", ") + exact_text(L);
+      }
+      value += "]";
+    } else {
+      wrong();
+    }
+  }
+  lua_pop(L, 1);
+  return out;
+}
+
 int vehicle(lua_State* L, Scenario& s) {
   expect_setup(L, s, "vehicle", false);
   const std::string name = file_name(L, "vehicle");
   if (s.model) refuse(L, Code::lua_argument, "vehicle", "one vehicle", "a second one", "a vehicle may hold several free bodies");
   Overrides given;
+  if (!lua_isnoneornil(L, 2))
+    for (const auto& value : vehicle_values(L, 2, "vehicle")) given.push_back(value);
+  const Overrides of_script = given;
   for (Setting& set : s.settings)
     if (const std::string_view path = vehicle_path(set.key); !path.empty()) {
       given.emplace_back(path, set.value);
@@ -96,8 +137,16 @@ int vehicle(lua_State* L, Scenario& s) {
   if (!kept && (s.recorded || !std::filesystem::is_regular_file(path, unusable)))
     refuse(L, Code::file_not_found, "vehicle", "a vehicle in YAML, relative to the scenario", in_quotes(path));
   const Activity activity("the vehicle " + name);
-  const auto spec =
-      std::make_shared<SystemSpec>(kept ? vehicle_from_text(*kept, path, s.registry, given) : read_vehicle(path, s.registry, given));
+  std::shared_ptr<SystemSpec> spec;
+  try {
+    spec = std::make_shared<SystemSpec>(kept ? vehicle_from_text(*kept, path, s.registry, given) : read_vehicle(path, s.registry, given));
+  } catch (const InputError& e) {
+    std::vector<Diagnostic> all = e.diagnostics();
+    for (Diagnostic& d : all)
+      for (const auto& [key, value] : of_script)
+        if (d.at.mark.file == setting_mark(key, value).file) d.at.mark = LuaHost::caller(L);
+    throw InputError(all);
+  }
   s.inputs.push_back({name, sha256(spec->source_text), spec->source_text});
   note_files(s, *spec);
   s.modes_from_cache = make_modes(*spec, ModeCache::of_user());
@@ -118,24 +167,9 @@ int vehicle(lua_State* L, Scenario& s) {
 int vehicle_change(lua_State* L) {
   Scenario& s = *self<Kind::vehicle>(L).scenario;
   expect_state(L, s, "a change of the vehicle");
-  if (!lua_istable(L, 2))
-    refuse(L, Code::lua_argument, "vehicle:change", "a table of key paths", describe_value(L, 2),
-           "sat:change { [\"bodies.tank.mass\"] = \"3 kg\" }");
-  std::map<std::string, std::string> wanted;  // in the order of their keys, whatever the table's
-  for (lua_pushnil(L); lua_next(L, 2) != 0; lua_pop(L, 1)) {
-    if (lua_type(L, -2) != LUA_TSTRING || (lua_type(L, -1) != LUA_TSTRING && lua_type(L, -1) != LUA_TNUMBER))
-      refuse(L, Code::lua_argument, "vehicle:change", "key paths of the vehicle with a text or a number each", describe_value(L, -1),
-             "sat:change { [\"bodies.tank.mass\"] = \"3 kg\" }");
-    const std::string key = lua_tostring(L, -2);
-    if (vehicle_path(key).empty())
-      refuse(L, Code::unknown_name, "vehicle:change", "a key path that begins with bodies., gravity., devices., fields. or loops.",
-             in_quotes(key));
-    lua_pushvalue(L, -1);  // lua_tolstring changes a number where it stands
-    wanted[std::string(vehicle_path(key))] = lua_tostring(L, -1);
-    lua_pop(L, 1);
-  }
   std::vector<VehicleChanges::Wish> values;
-  for (const auto& [key, value] : wanted) values.push_back({key, value, {}, LuaHost::caller(L), LuaHost::traceback(L)});
+  for (const auto& [key, value] : vehicle_values(L, 2, "vehicle:change"))
+    values.push_back({key, value, {}, LuaHost::caller(L), LuaHost::traceback(L)});
   if (!values.empty()) s.changes.want(values);
   return 0;
 }

@@ -1,6 +1,7 @@
 #include <fmt/format.h>
 
 #include <cctype>
+#include <charconv>
 #include <cstdio>
 #include <filesystem>
 #include <new>
@@ -15,7 +16,7 @@
 
 namespace cardan {
 
-Argument ScenarioArguments::add_to(Command& command, const CommandLine& line, const char* what, const char* type) {
+Argument ScenarioArguments::add_to(Command& command, const CommandLine& line, const char* what, const char* type, const char* of_seed) {
   to = &line;
   Argument argument = command.option("file", file, what);
   argument.required().type_name(type);
@@ -26,7 +27,7 @@ Argument ScenarioArguments::add_to(Command& command, const CommandLine& line, co
       .option("--settings", settings_files,
               "The same from a file, key=value in each line; # begins a comment. What --set says comes after it")
       .type_name("FILE");
-  command.option("--seed", seed, "Seed of the script's random numbers: a whole number, 0 by default").type_name("N");
+  command.option("--seed", seed, of_seed).type_name("N");
   return argument;
 }
 
@@ -60,6 +61,17 @@ ScenarioOptions ScenarioArguments::options() const {
     o.settings.push_back({text.substr(0, equals), text.substr(equals + 1)});
   }
   return o;
+}
+
+std::pair<std::size_t, std::size_t> shard_of(const std::string& text) {
+  if (text.empty()) return {1, 1};
+  std::size_t i = 0, n = 0;
+  const auto slash = text.find('/');
+  const char* const end = text.data() + text.size();
+  const bool read = slash != std::string::npos && std::from_chars(text.data(), text.data() + slash, i).ptr == text.data() + slash &&
+                    std::from_chars(text.data() + slash + 1, end, n).ptr == end;
+  if (!read || i < 1 || i > n) refuse(Code::command_line, {"--shard"}, "i/n with i from 1 to n: 2/3", in_quotes(text));
+  return {i, n};
 }
 
 int report_error(const std::exception& error, bool as_json, int wrong_input) {

@@ -2,6 +2,7 @@
 // The commands of the program, one file each. A command declares its arguments and what to do; main() does it. Help, the manual page
 // and completion are made from the declarations. What an argument is stands in its type name (type_name): completion offers files by it.
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "scripts/commands/command_line.hpp"
@@ -14,6 +15,7 @@ void add_check(CommandLine&);
 void add_describe(CommandLine&);
 void add_report(CommandLine&);
 void add_regress(CommandLine&);
+void add_campaign(CommandLine&);
 void add_precision(CommandLine&);
 void add_diff(CommandLine&);
 void add_workbench(CommandLine&);
@@ -37,11 +39,14 @@ struct ScenarioArguments {
 
   /// Returns FILE, which is required.
   Argument add_to(Command& command, const CommandLine& line, const char* what = "The scenario: a Lua file, or a folder with scenario.lua",
-                  const char* type = "SCENARIO");
+                  const char* type = "SCENARIO", const char* of_seed = "Seed of the script's random numbers: a whole number, 0 by default");
   /// Throws InputError C0801 for a --set, or a line of --settings, that is not key=value and a --seed that is no whole number of 64 bits,
   /// C0102 for a file that is not there.
   ScenarioOptions options() const;
 };
+
+/// "2/3" of --shard: the second of three parts; "" is the whole, {1, 1}. Throws InputError C0801.
+std::pair<std::size_t, std::size_t> shard_of(const std::string& text);
 
 inline constexpr int kNotWritten = 4;  // exit code: done, but a result or the text on standard output could not be written
 

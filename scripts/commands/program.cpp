@@ -32,6 +32,7 @@ int run_command_line(int argc, char** argv) {
   add_describe(line);
   add_report(line);
   add_regress(line);
+  add_campaign(line);
   add_precision(line);
   add_diff(line);
   add_workbench(line);

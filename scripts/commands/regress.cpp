@@ -2,7 +2,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <charconv>
 #include <set>
 #include <thread>
 
@@ -26,18 +25,6 @@ struct RegressArguments {
   int jobs = 0;
   std::vector<std::string> only, update;
 };
-
-/// "2/3": the second of three parts.
-std::pair<std::size_t, std::size_t> shard_of(const std::string& text) {
-  if (text.empty()) return {1, 1};
-  std::size_t i = 0, n = 0;
-  const auto slash = text.find('/');
-  const char* const end = text.data() + text.size();
-  const bool read = slash != std::string::npos && std::from_chars(text.data(), text.data() + slash, i).ptr == text.data() + slash &&
-                    std::from_chars(text.data() + slash + 1, end, n).ptr == end;
-  if (!read || i < 1 || i > n) refuse(Code::command_line, {"--shard"}, "i/n with i from 1 to n: 2/3", in_quotes(text));
-  return {i, n};
-}
 
 /// Those of `names` that are among the scenarios; the others are refused.
 std::set<std::string> chosen(const char* option, const std::vector<std::string>& names,

@@ -45,7 +45,7 @@ struct RunArguments {
   ScenarioArguments scenario;
   std::string out, again, resume;
   std::optional<double> until, at;
-  bool quiet = false, check_against_reference = false, json_errors = false, profile = false;
+  bool quiet = false, check_against_reference = false, json_errors = false, profile = false, no_report = false;
   std::vector<std::string> command;
 };
 
@@ -138,7 +138,7 @@ class RunCommand {
     run(mission, t_end);
     keep(kSummary, [&] { write_whole_file(*folder_ / kSummary, summary_json()); });
     if (!disk_is_full()) {
-      if (keep(kResults, [&] { close_results(); }))
+      if (keep(kResults, [&] { close_results(); }) && !arguments_.no_report)
         keep(kReport, [&] { write_report((*folder_ / kResults).string(), (*folder_ / kReport).string()); });
     } else {  // the rows up to the last flush
       kept_.insert(kept_.begin(), (*folder_ / kResults).string());
@@ -464,6 +464,7 @@ void add_run(CommandLine& line) {
       .type_name("DIR");
   command.option("--until", a->until, "End of the run in s, instead of the mission's duration").type_name("SECONDS");
   command.flag("--quiet", a->quiet, "No progress, and a summary only if a check failed");
+  command.flag("--no-report", a->no_report, "No report.html, which `cardan report` makes of run.h5 at any time");
   command.flag("--profile", a->profile, "Tell where the time of the run went: right-hand side, method, controllers, ledger, outputs");
   command.flag("--check-against-reference", a->check_against_reference, "Compare with the dense twin at every output time (slow)");
   command.action([&line, a] {

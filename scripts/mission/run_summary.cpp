@@ -82,6 +82,7 @@ Summary run_summary(const Scenario& s, double wall_s) {
                 worst.pass,
                 worst.undecided()};
   out.warnings = run_warnings(s);
+  out.drawn = s.drawn;
   out.simulated_s = s.sim->time();
   out.wall_s = wall_s;
   const IntegratorStatistics i = s.sim->statistics();

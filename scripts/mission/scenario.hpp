@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "core/base/warnings.hpp"
+#include "core/io/summary.hpp"
 #include "core/io/yaml_reader.hpp"
 #include "core/sim/simulation.hpp"
 #include "scripts/lua/function.hpp"
@@ -135,6 +136,7 @@ struct Scenario {
   std::vector<std::string> parameter_names;
   std::set<std::pair<std::string, std::string>> names;          // that declarations have taken: kind, name
   std::vector<std::pair<std::string, std::string>> parameters;  // name, value: for the results
+  std::vector<Figure> drawn;                                    // parameters that chance sets, as they are in this run
   MissionSpec mission;
   std::vector<Controller> controllers;
   std::vector<Phase> phases;

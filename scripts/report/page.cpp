@@ -11,6 +11,7 @@ CARDAN_EMBED(cardan::page, style, CARDAN_BUNDLE ".css")
 CARDAN_EMBED(cardan::page, script, CARDAN_BUNDLE ".js")
 CARDAN_EMBED(cardan::page, differences, CARDAN_DIFFERENCES ".js")
 CARDAN_EMBED(cardan::page, precision, CARDAN_PRECISION ".js")
+CARDAN_EMBED(cardan::page, campaign, CARDAN_CAMPAIGN ".js")
 CARDAN_EMBED(cardan::page, notice, CARDAN_NOTICE)
 
 namespace cardan::page {

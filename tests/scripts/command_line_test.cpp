@@ -45,8 +45,9 @@ TEST(CommandLine, AloneTellsTheCommands) {
     EXPECT_TRUE(has(alone.out, part)) << part << "\n" << alone.out;
   EXPECT_EQ(cardan({"--help"}).out, alone.out);
   EXPECT_EQ(cardan({"help"}).out, alone.out);
-  EXPECT_EQ(commands(), (std::vector<std::string>{"run", "check", "describe", "report", "regress", "precision", "diff", "workbench",
-                                                  "modes", "types", "import", "new", "check-plugin", "help", "completion", "version"}));
+  EXPECT_EQ(commands(),
+            (std::vector<std::string>{"run", "check", "describe", "report", "regress", "campaign", "precision", "diff", "workbench",
+                                      "modes", "types", "import", "new", "check-plugin", "help", "completion", "version"}));
 }
 
 TEST(CommandLine, TakesVersionAsAnOptionToo) {
@@ -99,7 +100,7 @@ TEST(CommandLine, AsksWhetherAnotherOptionIsMeant) {
   EXPECT_EQ(outt["hint"], "did you mean \"--out\"?");
   EXPECT_EQ(error_of({"run", "drive", "--quite=1"})["hint"], "did you mean \"--quiet\"?");
   EXPECT_EQ(error_of({"run", "--check", "drive"})["hint"], "did you mean \"--check-against-reference\"?");
-  EXPECT_EQ(error_of({"check", "drive", "--until", "3"})["hint"], "an option of run, precision");
+  EXPECT_EQ(error_of({"check", "drive", "--until", "3"})["hint"], "an option of run, campaign, precision");
   EXPECT_EQ(error_of({"run", "drive", "flexible"})["got"], "\"flexible\"") << "one scenario";
 }
 

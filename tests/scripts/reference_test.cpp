@@ -190,7 +190,7 @@ local sat = sim:vehicle()
 local function has(text, ...)
   for _, part in ipairs { ... } do assert(text:find(part, 1, true), part .. '\n' .. text) end
 end
-has(tostring(help), 'controller(options)', 'vehicle(path)', 'sim', 'operators', 'vec')
+has(tostring(help), 'controller(options)', 'vehicle(path, [values])', 'sim', 'operators', 'vec')
 assert(help() == tostring(help))
 for line in tostring(help):gmatch '[^\n]+' do assert(not line:find('^  [%w()]+%s*$'), line) end  -- each has a word about it
 has(help 'task', 'An operational space')
