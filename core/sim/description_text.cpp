@@ -133,6 +133,13 @@ std::string description_text(const Json& d) {
     if (device["in_step"].get<bool>())
       out += fmt::format("\n{}: in the right-hand side, {:.2g} us a call ({} so far)\n", device["type"].get<std::string>(),
                          device["us"].get<double>(), device["calls"].get<long>());
+  const Json drawn = d.value("drawn", Json::array());
+  if (!drawn.empty()) out += "\nparameters that chance sets anew with each seed but 0\n";
+  for (const Json& p : drawn) {
+    const std::string unit = p["unit"].get<std::string>();
+    out += fmt::format("  {:<17} {:.6g}{}, {}\n", p["name"].get<std::string>(), p["value"].get<double>(), unit == "1" ? "" : " " + unit,
+                       p["spread"].get<std::string>());
+  }
   const Json sequences = d.value("sequences", Json::array());
   if (!sequences.empty()) out += "\nsequences\n";
   for (const Json& s : sequences) {

@@ -75,6 +75,12 @@ double drawn(const Spread& s, std::uint64_t seed, const std::string& name, std::
   return off;
 }
 
+std::string text_of(const Spread& s, const Dimension& dimension) {
+  const auto size = [&](double x) { return with_unit(fmt::format("{:.6g}", x), dimension); };
+  if (s.uniform > 0.0) return "uniform " + size(s.uniform);
+  return "normal " + size(s.normal) + (std::isfinite(s.within) ? ", within " + size(s.within) : "");
+}
+
 /// One parameter: what the script gives, replaced by what the command line gives. Pushes its value.
 class ParameterReader {
  public:
@@ -240,6 +246,7 @@ class ParameterReader {
     for (std::size_t i = 0; i < spreads.size(); ++i) {
       if (!set) all[i].value += drawn(spreads[i], s_.seed, "parameters." + name_, static_cast<std::uint32_t>(i));
       s_.drawn.push_back({is_one ? name_ : fmt::format("{}[{}]", name_, i + 1), all[i].value, unit_of(all[i].dimension)});
+      s_.spreads.push_back(set ? "set" : text_of(spreads[i], all[i].dimension));
     }
     if (is_one) {
       note(with_unit(fmt::format("{}", all[0].value), all[0].dimension));

@@ -45,6 +45,11 @@ Json describe_scenario(Scenario& s, const DescribeOptions& options) {
   }
   if (options.forms)
     if (const auto forms = compare_forms(*s.sim, s.registry, s.compile_options())) out["loops"]["forms"] = compared(*forms);
+  if (!s.drawn.empty()) {
+    out["drawn"] = Json::array();
+    for (std::size_t i = 0; i < s.drawn.size(); ++i)
+      out["drawn"].push_back({{"name", s.drawn[i].name}, {"value", s.drawn[i].value}, {"unit", s.drawn[i].unit}, {"spread", s.spreads[i]}});
+  }
   out["controllers"] = Json::array();
   for (const Controller& c : s.controllers)
     out["controllers"].push_back(

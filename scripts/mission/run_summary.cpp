@@ -30,10 +30,10 @@ std::string checks_text(const std::vector<Check>& checks) {
   return text.empty() ? text : "\nchecks\n" + text;
 }
 
-std::string figures_text(const std::vector<Figure>& figures) {
+std::string figures_text(const char* title, const std::vector<Figure>& figures) {
   std::string text;
   for (const Figure& f : figures) text += fmt::format("  {:<50}{:>20}\n", f.name, with_unit(f.value, f.unit));
-  return text.empty() ? text : "\nfigures\n" + text;
+  return text.empty() ? text : fmt::format("\n{}\n{}", title, text);
 }
 
 std::string hinges_text(const std::vector<Range>& ranges) {
@@ -173,7 +173,10 @@ std::string steps_text(const StepInterval& all, const std::vector<std::pair<std:
 
 std::string summary_text(const Scenario& s, const Summary& sum, const std::vector<Range>& ranges) {
   std::string text = s.mission.title.empty() ? "" : s.mission.title + "\n";
-  text += checks_text(sum.checks) + figures_text(sum.figures) + hinges_text(ranges) + modes_text(ranges);
+  text +=
+      checks_text(sum.checks) + figures_text("figures", sum.figures) +
+      figures_text(s.seed == 0 ? "parameters that chance sets, here as they are given (seed 0)" : "parameters that chance set", sum.drawn) +
+      hinges_text(ranges) + modes_text(ranges);
   if (s.mission.simulation.ledger)
     text += fmt::format(
         "\nledgers: largest residual over the sum of magnitudes\n  linear momentum {:.1e}   angular momentum {:.1e}   "

@@ -137,6 +137,7 @@ struct Scenario {
   std::set<std::pair<std::string, std::string>> names;          // that declarations have taken: kind, name
   std::vector<std::pair<std::string, std::string>> parameters;  // name, value: for the results
   std::vector<Figure> drawn;                                    // parameters that chance sets, as they are in this run
+  std::vector<std::string> spreads;                             // of each: "normal 10 kg, within 25 kg"
   MissionSpec mission;
   std::vector<Controller> controllers;
   std::vector<Phase> phases;

@@ -233,6 +233,12 @@ TEST_F(CampaignOf, ParametersAreDrawnByTheirNamesAndTheSeed) {
   }
 }
 
+TEST_F(CampaignOf, WhatChanceSetsIsDescribed) {
+  const std::string nominal = run_program({"describe", kTutorial}, dir_.path()).out;
+  EXPECT_TRUE(has(nominal, "stiffness         0.4 N m/rad, normal 0.02 N m/rad, within 0.05 N m/rad")) << nominal;
+  EXPECT_TRUE(has(run_program({"run", kTutorial, "--out", "r"}, dir_.path()).out, "as they are given (seed 0)"));
+}
+
 TEST_F(CampaignOf, ASpreadThatIsWrongIsToldByItsPath) {
   const std::vector<std::pair<std::string, std::string>> wrong = {{"{ \"5 kg\", normal = \"1 m\" }", "parameters.x.normal"},
                                                                   {"{ \"5 kg\", normal = \"-1 kg\" }", "parameters.x.normal"},
