@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 
 namespace cardan {
@@ -129,6 +130,12 @@ std::string campaign_text(const std::vector<CampaignRun>& runs, const std::vecto
   section("drawn", Quantity::Kind::drawn);
   section("checks", Quantity::Kind::check);
   section("figures", Quantity::Kind::figure);
+  const bool differ = std::ranges::any_of(
+      quantities, [](const Quantity& q) { return std::ranges::adjacent_find(q.values, std::not_equal_to()) != q.values.end(); });
+  if (n.passed + n.failed > 1 && !quantities.empty() && !differ)
+    out +=
+        "\nAll runs have the same numbers: nothing in the scenario seems to follow the seed. Parameters with a spread do: "
+        "docs/campaigns.md.\n";
   if (n.done > 0) {
     out += fmt::format("\n{} of {} runs passed, {} failed", n.passed, n.done, n.failed);
     if (n.others > 0) out += fmt::format(", {} did not come to their end", n.others);

@@ -78,7 +78,10 @@ int campaign(const CampaignArguments& a, bool as_json) {
   c.input = input_of(header, until);
   const fs::path folder = fs::absolute(scenario->file).lexically_normal().parent_path().filename();
   c.out = a.out.empty() ? fs::path("out") / (folder.string() + "_campaign") : fs::path(a.out);
-  fs::create_directories(c.out);
+  std::error_code error;
+  fs::create_directories(c.out, error);
+  if (error)
+    refuse(Code::cannot_write, {{}, {c.out.string()}}, "a place that can be written to", error.message(), "--out DIR chooses another");
   c.program = fs::read_symlink("/proc/self/exe").string();
   c.jobs = a.jobs > 0 ? a.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
   c.lean = a.lean;

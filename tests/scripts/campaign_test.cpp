@@ -176,6 +176,14 @@ mission { duration = 2000 })");
   EXPECT_TRUE(has(rest.out, "runs were there already"));
 }
 
+TEST_F(CampaignOf, OfAScenarioWithoutChanceItIsSaidSo) {
+  use("vehicle \"vehicle.yaml\"\nmission { duration = 0.1 }\nfigure { name = \"one\", value = function() return 1 end }");
+  EXPECT_TRUE(has(campaign({"-n", "2"}).out, "All runs have the same numbers"));
+  const Finished nowhere = run_program({"campaign", scenario_, "-n", "2", "--out", dir_ / "scenario.lua/c"}, dir_.path());
+  EXPECT_EQ(nowhere.exit_code, 2);
+  EXPECT_TRUE(has(nowhere.err, "C0701")) << nowhere.err;
+}
+
 TEST_F(CampaignOf, WhatIsWrongIsToldBeforeAnyRun) {
   use("vehicle \"vehicle.yaml\"\nmission { duration = 1, title = 3 }");
   const Finished wrong = campaign({"-n", "3"});
