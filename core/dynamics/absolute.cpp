@@ -408,7 +408,8 @@ void choose_rows(const Model& model, LoopPass& pass, const LoopWork& work, const
   }
 }
 
-/// Multipliers as loops of the vehicle have them.
+/// Multipliers as loops of the vehicle have them. Rows are orthonormal; with one that turns and shifts at once they are at right angles
+/// with the lever as the unit of length.
 void take_multipliers(const Model& model, LoopWork& k, const AbsoluteSystem& system, const double* lambda) {
   for (std::size_t l = 0; l < model.loops.all.size(); ++l) {
     const Loop& loop = model.loops.all[l];
@@ -417,7 +418,13 @@ void take_multipliers(const Model& model, LoopWork& k, const AbsoluteSystem& sys
       continue;
     }
     const Force<double> f = system.loop_wrench(static_cast<int>(l), lambda);
-    for (int i = loop.first; i < loop.first + loop.rows; ++i) k.lambda[at(i)] = power(k.W[at(i)], f.n, f.f);
+    const std::span<const Force<double>> rows(k.W.data() + loop.first, at(loop.rows));
+    const bool mixed = std::ranges::any_of(rows, [](const Force<double>& W) { return dot(W.n, W.n) > 0.0 && dot(W.f, W.f) > 0.0; });
+    const double unit = mixed ? 1.0 / (loop.lever * loop.lever) : 1.0;
+    for (int i = 0; i < loop.rows; ++i) {
+      const Force<double>& W = rows[at(i)];
+      k.lambda[at(loop.first + i)] = power(W, unit * f.n, f.f) / (mixed ? power(W, unit * W.n, W.f) : 1.0);
+    }
   }
 }
 

@@ -19,10 +19,14 @@ Eigen::Matrix<double, 6, 1> vector(const Vec3<double>& a, const Vec3<double>& b)
 double product(const Force<double>& W, const Vec3<double>& w, const Vec3<double>& v) { return dot(W.n, w) + dot(W.f, v); }
 
 /// Orthonormal columns W with W* H = 0, each as near to a coordinate direction as there is one left, or to the column of `near` in its
-/// place. N: the projector on what is left.
-void complement(const HingeColumns& H, const Force<double>* near, Force<double>* W) {
+/// place. Where a rate turns and shifts at once the lever is the unit of length. N: the projector on what is left.
+void complement(HingeColumns H, double lever, const Force<double>* near, Force<double>* W) {
   const int n = static_cast<int>(H.cols());
   using Column = Eigen::Matrix<double, 6, 1>;
+  double unit = 1.0;
+  for (int j = 0; j < n; ++j)
+    if (!H.col(j).head<3>().isZero(0.0) && !H.col(j).tail<3>().isZero(0.0)) unit = lever;
+  H.topRows<3>() *= unit;
   Eigen::Matrix<double, 6, 6> N = Eigen::Matrix<double, 6, 6>::Identity();
   const auto take = [&](const Column& left) {
     const Column x = (N * left).normalized();
@@ -32,15 +36,12 @@ void complement(const HingeColumns& H, const Force<double>* near, Force<double>*
   for (int j = 0; j < n; ++j)
     if (const Column left = N * H.col(j); left.squaredNorm() > 1e-18 * H.col(j).squaredNorm()) take(left);
   for (int j = 0; j < 6 - n; ++j) {
-    if (near) {
-      W[j] = force(take(vector(near[j].n, near[j].f)).data());
-      continue;
-    }
     int best = 0;
     double most = 0.0;
-    for (int i = 0; i < 6; ++i)
+    for (int i = 0; i < 6 && !near; ++i)
       if (N(i, i) > most + 1e-6) best = i, most = N(i, i);
-    W[j] = force(take(N.col(best)).data());
+    W[j] = force(take(near ? vector((1.0 / unit) * near[j].n, near[j].f) : Column(N.col(best))).data());
+    W[j].n = unit * W[j].n;
   }
 }
 
@@ -176,10 +177,16 @@ void LoopPass::close_by_hinge(const Loop& loop, std::size_t l, Force<double>* W,
     const std::uint32_t zero = 0;
     f.kinematics(loop.packed.data(), 1, &zero, &zero, q.data(), v.data(), &out);
   }
-  if (f.shape == CARDAN_SHAPE_ROTATION)
-    soa::rows_across(from_eigen(Eigen::Vector3d(H_A.col(0).head<3>())), W);
-  else
-    complement(H_A, k_.near_W.empty() ? nullptr : &k_.near_W[at(loop.first)], W);
+  if (f.shape == CARDAN_SHAPE_ROTATION || f.shape == CARDAN_SHAPE_SCREW) {
+    const Vec3<double> axis = from_eigen(Eigen::Vector3d(H_A.col(0).head<3>()));
+    soa::rows_across(axis, W);
+    if (f.shape == CARDAN_SHAPE_SCREW) {  // along its axis it moves by its pitch
+      const double pitch = dot(axis, from_eigen(Eigen::Vector3d(H_A.col(0).tail<3>())));
+      W[2].f = W[0].n, W[3].f = W[1].n, W[4] = {-pitch * axis, axis};
+    }
+  } else {
+    complement(H_A, loop.lever, k_.near_W.empty() ? nullptr : &k_.near_W[at(loop.first)], W);
+  }
   const Eigen::Matrix<double, 6, 1>& e = fit.e;
   const Vec3<double> turn = r.R * Vec3<double>{e[0], e[1], e[2]}, shift = r.R * Vec3<double>{e[3], e[4], e[5]};
   const Vec3<double> alpha = r.R * Vec3<double>{out.Hdot_v[0], out.Hdot_v[1], out.Hdot_v[2]};

@@ -638,9 +638,11 @@ class VehicleReader {
 
 Eigen::Matrix3d read_inertia(const DocRef& value, double mass, const Eigen::Vector3d& com, ReadContext& context) {
   if (value.node->kind == DocNode::Kind::list) {
-    if (const std::size_t n = value.node->items.size(); n != 3) {
+    const bool rows = std::ranges::any_of(value.node->items, [](const DocNode& x) { return x.kind == DocNode::Kind::list; });
+    if (const std::size_t n = value.node->items.size(); n != 3 || rows) {
       context.sink.report(Code::wrong_type, value.at(), "[xx, yy, zz] or {xx, yy, zz, xy, xz, yz, about} in kg m^2",
-                          fmt::format("a list of {} values", n), "off the diagonal by name: {xx: ..., yy: ..., zz: ..., xy: ...}");
+                          fmt::format("a list of {} {}", n, rows ? "rows" : "values"),
+                          "off the diagonal by name: {xx: ..., yy: ..., zz: ..., xy: ...}");
       return Eigen::Matrix3d::Identity();
     }
     return read_vector(value, "kg m^2", context).asDiagonal();

@@ -141,9 +141,9 @@ std::string description_text(const Json& d) {
                        p["spread"].get<std::string>());
   }
   const Json sequences = d.value("sequences", Json::array());
-  if (!sequences.empty()) out += "\nsequences\n";
+  if (!sequences.empty()) out += "\nsequences (what each waits for next is known as it goes)\n";
   for (const Json& s : sequences) {
-    const std::string first = s["waits_for"].get<std::string>();
+    const std::string first = s["waits_first_for"].get<std::string>();
     out += fmt::format("  {:<17} {}{}\n", s["name"].get<std::string>(),
                        s["starts"].get<bool>() ? "from the start of the run" : "when it is started",
                        first.empty() ? "" : ", waits first for " + first);

@@ -6,14 +6,14 @@
 #include <numeric>
 
 #include "core/dynamics/inverse.hpp"
-#include "core/dynamics/loops.hpp"
+#include "core/dynamics/loop_pass.hpp"
 #include "core/linalg/dense.hpp"
 
 namespace cardan {
 namespace {
 
 constexpr double kBlocked = 1e-14;  // of the compliance of a hinge alone: what is less is rounding
-constexpr double kStill = 1e-12;    // [rad/s, m/s]: slower rates are rounding
+constexpr double kStill = 1e-12;    // [rad/s]: slower rates are rounding
 constexpr double kIdle = 1e-10;     // of forces on held components, and of accelerations: what is less is nothing, as a pivot of loops
 
 }  // namespace
@@ -22,7 +22,13 @@ Holding::Holding(const Model& model, Model* own)
     : model_(model), own_(own), workspace_(model), observer_(model, workspace_), devices_(model, own), forces_(model.devices.holds.size()) {
   if (field_of_gravity(model) >= 0) fields_ = std::make_unique<FieldMoments>(model);
   for (std::vector<double>* x : {&tau_, &needed_, &vdot_, &zero_, &given_, &probe_}) x->resize(static_cast<std::size_t>(model.nv));
-  lengths_.resize(static_cast<std::size_t>(model.loops.n_drives));
+  lengths_.resize(static_cast<std::size_t>(model.loops.n_drives)), in_turns_.assign(static_cast<std::size_t>(model.nv), 1.0);
+  const std::vector<std::uint8_t> turns = turning(model);
+  double turn = 0.0;  // of the lightest
+  for (const Loop& loop : model.loops.all)
+    for (const int v : loop.rates)
+      if (const auto at = static_cast<std::size_t>(v); turns[at]) turn = std::max(turn, model.loops.column_scale[at]);
+  for (std::size_t i = 0; turn > 0.0 && i < in_turns_.size(); ++i) in_turns_[i] = turn / model.loops.column_scale[i];
 }
 
 bool Holding::accelerate() {
@@ -64,9 +70,10 @@ bool Holding::accelerate_alone(const double* v, double force_on, int component, 
   for (int i = 0; i < model_.nv; ++i) {
     const auto at = static_cast<std::size_t>(i);
     tau_[at] = (i == component ? force_on : 0.0) - bends[i];
-    given_[at] = model_.has_given_motion(i) ? pace : 0.0;
+    given_[at] = model_.has_given_motion(i) ? pace / in_turns_[at] : 0.0;
   }
-  for (std::size_t i = 0; i < lengths_.size(); ++i) lengths_[i] = {use_.drives[i].more, 0.0, pace};
+  for (const Loop& loop : model_.loops.all)
+    if (loop.drive >= 0) lengths_[static_cast<std::size_t>(loop.drive)] = {use_.drives[loop.drive].more, 0.0, pace * loop.lever};
   const Inputs in{.q = use_.q, .v = v, .tau = tau_.data(), .vdot = given_.data(), .gravity = false, .drives = lengths_.data()};
   return forward_dynamics(model_, workspace_, in, vdot_.data());
 }
@@ -97,13 +104,13 @@ int Holding::way_out(std::size_t hold) {
     for (const DeviceHold& h : model_.devices.holds)
       if (const auto i = static_cast<std::size_t>(h.v); all || i == v) own_->prescribed[i] = 0;
   };
-  const auto largest = [](std::span<const double> x) {
+  const auto largest = [this](std::span<const double> x) {
     double most = 0.0;
-    for (const double one : x) most = std::max(most, std::abs(one));
+    for (std::size_t i = 0; i < x.size(); ++i) most = std::max(most, std::abs(x[i]) * in_turns_[i]);
     return most;
   };
   const auto way = [&](const std::vector<double>& vdot, double size) {
-    return std::abs(vdot[v]) > kIdle * size ? vdot[v] > 0.0 ? 1 : -1 : 0;
+    return std::abs(vdot[v]) * in_turns_[v] > kIdle * size ? vdot[v] > 0.0 ? 1 : -1 : 0;
   };
   let_go(false);
   if (!is_blocked(hold, use_.q, use_.drives)) return 0;

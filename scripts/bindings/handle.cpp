@@ -92,7 +92,8 @@ void expect_state(lua_State* L, const Scenario& s, const char* what) {
   s.expect_closed();
   if (s.in_event_function)
     refuse(L, Code::lua_argument, what, "hinge and mode coordinates, and t, inside of an event's `when`", what,
-           "an event is located by its function at trial states, where nothing else is known");
+           "an event is located by its function at trial states, where nothing else is known; what else there is a controller may read, or "
+           "wait_until(f, { rate = \"10 Hz\" }), at ticks");
 }
 
 double command(lua_State* L, int arg, Scenario& s, const char* what, const std::string& name) {

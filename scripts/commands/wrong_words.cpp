@@ -75,6 +75,16 @@ Diagnostic wrong_words(const CommandLine& line, const Command* chosen, const std
                       hint.empty() ? more : hint};
   }
   if (!rest.empty()) return Diagnostic{Code::command_line, {}, fmt::format("nothing more for {}", called), in_quotes(rest.front()), more};
+  std::string words;  // of the command, by their place
+  for (const DeclaredArgument& a : chosen ? chosen->arguments() : std::vector<DeclaredArgument>()) {
+    if (a.positional()) words += " " + a.type;
+    for (const std::string& name : a.names)  // CLI11 names an option before it says what is wrong with it
+      if (a.takes_value && why.starts_with(name + ": ") && why.find(" required ") != std::string::npos)
+        return Diagnostic{Code::command_line, {name}, "one value: " + a.type, why.ends_with(" missing") ? "none" : "several", more};
+  }
+  constexpr std::string_view kMissing = " is required";
+  if (why.ends_with(kMissing))
+    return Diagnostic{Code::command_line, {}, called + words, "no " + why.substr(0, why.size() - kMissing.size()), more};
   return Diagnostic{Code::command_line, {}, {}, why, more};
 }
 

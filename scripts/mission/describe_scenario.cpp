@@ -59,7 +59,7 @@ Json describe_scenario(Scenario& s, const DescribeOptions& options) {
     out["sequences"] = Json::array();
     for (const Sequences::Sequence& q : s.sequences.all())
       out["sequences"].push_back(
-          {{"name", q.name}, {"starts", q.starts}, {"waits_for", q.state == Sequences::State::waiting ? q.wait.text() : ""}});
+          {{"name", q.name}, {"starts", q.starts}, {"waits_first_for", q.state == Sequences::State::waiting ? q.wait.text() : ""}});
   }
   out["script_devices"] = Json::array();
   for (const auto& d : s.script_devices) {

@@ -140,20 +140,22 @@ TEST(FrictionInLoops, AMechanismThatTurnsOnPassesItsDeadCentres) {
     }
 }
 
-/// A piston: a crank of 0.2 m, a rod of 0.5 m, closed at the piston's pin.
-SystemSpec engine(LoopForm form, double crank_angle) {
-  BodySpec crank = on(rigid("crank", 1.0, {0.1, 0, 0}, diagonal({0.002, 0.01, 0.01})), "", "revolute", {{0, 0, 1}});
-  BodySpec rod = on(rigid("rod", 0.8, {0.25, 0, 0}, diagonal({0.001, 0.02, 0.02})), "crank", "revolute", {{0, 0, 1}}, {0.2, 0, 0});
-  BodySpec piston = on(rigid("piston", 1.5, Eigen::Vector3d::Zero(), diagonal({0.01, 0.01, 0.01})), "", "prismatic", {{1, 0, 0}});
+/// A piston: a crank of 0.2 m, a rod of 0.5 m, closed at the piston's pin; in units of length of which a metre has so many.
+SystemSpec engine(LoopForm form, double crank_angle, double m = 1.0) {
+  const double m2 = m * m;
+  BodySpec crank = on(rigid("crank", 1.0, {0.1 * m, 0, 0}, m2 * diagonal({0.002, 0.01, 0.01})), "", "revolute", {{0, 0, 1}});
+  BodySpec rod =
+      on(rigid("rod", 0.8, {0.25 * m, 0, 0}, m2 * diagonal({0.001, 0.02, 0.02})), "crank", "revolute", {{0, 0, 1}}, {0.2 * m, 0, 0});
+  BodySpec piston = on(rigid("piston", 1.5, Eigen::Vector3d::Zero(), m2 * diagonal({0.01, 0.01, 0.01})), "", "prismatic", {{1, 0, 0}});
   const double tilt = std::asin(0.4 * std::sin(crank_angle));
   crank.hinge.q = {crank_angle}, rod.hinge.q = {-tilt - crank_angle};
-  piston.hinge.q = {0.2 * std::cos(crank_angle) + 0.5 * std::cos(tilt)};
+  piston.hinge.q = {m * (0.2 * std::cos(crank_angle) + 0.5 * std::cos(tilt))};
   SystemSpec spec = system({crank, rod, piston});
   LoopSpec pin;
-  pin.name = "pin", pin.type = "point", pin.from.body = "piston", pin.to.body = "rod", pin.to.position = {0.5, 0, 0};
+  pin.name = "pin", pin.type = "point", pin.from.body = "piston", pin.to.body = "rod", pin.to.position = {0.5 * m, 0, 0};
   spec.loops = {pin};
   spec.loop_form = form;
-  spec.devices = {dry("piston", 3.0, 50.0)};
+  spec.devices = {dry("piston", 3.0 * m, 50.0 * m)};
   return spec;
 }
 
@@ -178,6 +180,21 @@ TEST(FrictionInLoops, AMotorStartsAnEngineAtItsDeadCentre) {
         EXPECT_NEAR(sim.energy().total() - before, torque * turned - 3.0 * std::abs(sim.state().q[2] - x), 1e-10);
         EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
       }
+}
+
+/// What a dead centre is does not hang on the unit of length: the piston's rates are as much less or more than the crank's.
+TEST(FrictionInLoops, ADeadCentreIsOneInEachUnitOfLength) {
+  for (const LoopForm form : kForms)
+    for (const double start : {0.0, std::numbers::pi}) {
+      const auto turned = [&](double m) {
+        Simulation sim(compiled(engine(form, start, m)), accurate());
+        sim.set_force(0, 0.5 * m * m), sim.run(0.2);
+        EXPECT_EQ(sim.state().marks[0], 0.0) << m;
+        return sim.state().q[0] - start;
+      };
+      const double want = turned(1.0);
+      for (const double m : {0x1p-50, 0x1p50}) EXPECT_NEAR(turned(m), want, 1e-8 * want) << static_cast<int>(form) << " " << m;
+    }
 }
 
 /// A crank on a spring drives a screw, 10 um a radian: where the crank sticks the screw is still on its way to rate zero, which it never

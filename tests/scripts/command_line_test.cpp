@@ -118,6 +118,15 @@ TEST(CommandLine, SaysWhichNumbersItTakes) {
   for (const auto& [words, answer] : answers) EXPECT_TRUE(has(run_program(words, ".").err, answer)) << run_program(words, ".").err;
 }
 
+TEST(CommandLine, SaysWhatIsMissing) {
+  const std::pair<std::vector<std::string>, std::string> answers[] = {
+      {{"run", "x", "--until"}, "  at: --until\n  expected: one value: SECONDS\n  got:      none\n  hint:     cardan help run\n"},
+      {{"run", "x", "--until", "1", "--until", "2"}, "  at: --until\n  expected: one value: SECONDS\n  got:      several\n"},
+      {{"run", "x", "--set"}, "  at: --set\n  expected: one value: KEY=VALUE\n  got:      none\n"},
+      {{"new", "hinge"}, "  expected: cardan new KIND NAME\n  got:      no name\n  hint:     cardan help new\n"}};
+  for (const auto& [words, answer] : answers) EXPECT_TRUE(has(run_program(words, ".").err, answer)) << run_program(words, ".").err;
+}
+
 TEST(CommandLine, HelpKnowsEveryCommand) {
   for (const std::string& name : commands()) {
     const Finished help = cardan({"help", name});

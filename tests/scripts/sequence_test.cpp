@@ -281,7 +281,8 @@ sequence { name = "later", start = false, run = function() end }
   EXPECT_TRUE(has(check.out, "0 checks, 2 sequences, 1 s")) << check.out;
   const Finished describe = run_program({"describe", "."}, dir.path());
   EXPECT_TRUE(has(describe.out,
-                  "sequences\n  plan              from the start of the run, waits first for a zero that is located (scenario.lua:9)\n"
+                  "sequences (what each waits for next is known as it goes)\n  plan              from the start of the run, waits first "
+                  "for a zero that is located (scenario.lua:9)\n"
                   "  later             when it is started\n"))
       << describe.out;
   EXPECT_FALSE(has(describe.out, "not yet"));
