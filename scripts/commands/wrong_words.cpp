@@ -75,9 +75,9 @@ Diagnostic wrong_words(const CommandLine& line, const Command* chosen, const std
                       hint.empty() ? more : hint};
   }
   if (!rest.empty()) return Diagnostic{Code::command_line, {}, fmt::format("nothing more for {}", called), in_quotes(rest.front()), more};
-  std::string words;  // of the command, by their place
+  std::string words;  // of the command: those by their place, and what it cannot be without
   for (const DeclaredArgument& a : chosen ? chosen->arguments() : std::vector<DeclaredArgument>()) {
-    if (a.positional()) words += " " + a.type;
+    if (a.positional() || a.required) words += (a.positional() ? " " : " " + a.names.back() + " ") + a.type;
     for (const std::string& name : a.names)  // CLI11 names an option before it says what is wrong with it
       if (a.takes_value && why.starts_with(name + ": ") && why.find(" required ") != std::string::npos)
         return Diagnostic{Code::command_line, {name}, "one value: " + a.type, why.ends_with(" missing") ? "none" : "several", more};
