@@ -15,16 +15,17 @@ double quantile(const std::vector<double>& sorted, double p) {
   return sorted[i] == next ? next : sorted[i] + (at - below) * (next - sorted[i]);
 }
 
-/// Probability that fewer than k of n pass, each with probability p.
-double fewer_than(std::size_t k, std::size_t n, double p) {
+/// Probability that k or more of n pass, each with probability p: by the terms of the shorter side.
+double at_least(std::size_t k, std::size_t n, double p) {
   const auto count = static_cast<double>(n);
+  const bool above = n - k < k;
   double sum = 0.0;
-  for (std::size_t i = 0; i < k; ++i) {
-    const auto x = static_cast<double>(i);
-    sum += std::exp(std::lgamma(count + 1.0) - std::lgamma(x + 1.0) - std::lgamma(count - x + 1.0) + x * std::log(p) +
-                    (count - x) * std::log1p(-p));
+  for (std::size_t i = above ? k : 0; i < (above ? n + 1 : k); ++i) {
+    const auto x = static_cast<double>(i), rest = count - x;
+    const double ways = std::lgamma(count + 1.0) - std::lgamma(x + 1.0) - std::lgamma(rest + 1.0);
+    sum += std::exp(ways + x * std::log(p) + rest * std::log1p(-p));
   }
-  return sum;
+  return above ? sum : 1.0 - sum;
 }
 
 std::vector<double> ranks(const std::vector<double>& x) {
@@ -61,10 +62,10 @@ Distribution distribution_of(const std::vector<double>& x) {
 double share_at_least(std::size_t k, std::size_t n, double confidence) {
   if (k == 0) return 0.0;
   if (k == n) return std::pow(1.0 - confidence, 1.0 / static_cast<double>(n));
-  double low = 0.0, high = 1.0;  // fewer_than falls with p, from 1 to 0
+  double low = 0.0, high = 1.0;  // at_least rises with p, from 0 to 1
   for (int i = 0; i < 60; ++i) {
     const double p = 0.5 * (low + high);
-    (fewer_than(k, n, p) > confidence ? low : high) = p;
+    (at_least(k, n, p) < 1.0 - confidence ? low : high) = p;
   }
   return low;
 }
