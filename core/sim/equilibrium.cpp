@@ -143,12 +143,9 @@ class Search {
     VectorXd went = VectorXd::Zero(m_.nv), sizes;
     bool nearer = true;
     while (!out.settled && nearer && out.iterations < options.iterations) {
-      Poll::now();
-      ++out.iterations;
-      const std::optional<Slope> here = slope_beyond_start(out.iterations);
+      const std::optional<Slope> here = next_slope(out, sizes);
       if (!here) break;
-      Slope slope = *here;
-      slope.set_sizes(sizes);
+      const Slope& slope = *here;
       const VectorXd r = slope.r(trial_.vdot()), d = slope.along * slope.newton_step(r);
       if (!d.allFinite()) break;
       out.out_of_reach = slope.out_of_reach(r);
@@ -167,12 +164,9 @@ class Search {
     VectorXd went = VectorXd::Zero(m_.nv), sizes;
     double span = 1.0;
     while (!out.settled && out.iterations < options.iterations) {
-      Poll::now();
-      ++out.iterations;
-      const std::optional<Slope> here = slope_beyond_start(out.iterations);
+      const std::optional<Slope> here = next_slope(out, sizes);
       if (!here) break;
-      Slope slope = *here;
-      slope.set_sizes(sizes);
+      const Slope& slope = *here;
       const VectorXd r = slope.r(trial_.vdot());
       out.out_of_reach = slope.out_of_reach(r);
       const double far = std::max(1.0, largest(went));
@@ -196,12 +190,17 @@ class Search {
     }
   }
 
-  /// Nothing where a search has gone so far that derivatives drown in rounding; at its start that is thrown.
-  std::optional<Slope> slope_beyond_start(int iteration) {
+  /// Of an iteration more, rows by the largest sizes yet. Nothing where a search has gone so far that derivatives drown in rounding; at
+  /// its start that is thrown.
+  std::optional<Slope> next_slope(Course& course, VectorXd& sizes) {
+    Poll::now();
+    ++course.iterations;
     try {
-      return slope_here();
+      Slope slope = slope_here();
+      slope.set_sizes(sizes);
+      return slope;
     } catch (const NumericsError&) {
-      if (iteration == 1) throw;
+      if (course.iterations == 1) throw;
       return std::nullopt;
     }
   }

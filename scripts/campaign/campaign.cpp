@@ -32,10 +32,14 @@ std::vector<Figure> figures_in(const Json& list) {
   return out;
 }
 
-/// What its summary tells; nothing where there is none that can be read.
+/// What its summary tells; nothing where there is none that can be read, or one that another run has left: of a verdict that the exit code
+/// does not tell.
 void read_summary(CampaignRun& run) {
   try {
     const Json all = Json::parse(read_text_file((run.folder / kSummary).string()));
+    constexpr const char* kVerdicts[] = {"passed", "failed", "", "aborted"};  // by exit code
+    const int code = run.ending.exit_code;
+    if (run.ending.how != RunEnding::How::ended || code < 0 || code > 3 || all.at("verdict") != kVerdicts[code]) return;
     run.figures = figures_in(all.at("figures")), run.drawn = figures_in(all.at("drawn"));
     for (const Json& c : all.at("checks")) {
       if (!c.at("value").is_number()) continue;

@@ -49,13 +49,14 @@ std::string in_csv(const std::string& text) {
 }
 
 struct Counts {
-  std::size_t done = 0, passed = 0, failed = 0, others = 0;
+  std::size_t run = 0, passed = 0, failed = 0, others = 0;
 };
 Counts counts_of(const std::vector<CampaignRun>& runs) {
   Counts out;
   for (const CampaignRun& run : runs) {
-    out.done += run.done;
-    if (run.done) ++(run.verdict == "passed" ? out.passed : run.verdict == "failed" ? out.failed : out.others);
+    if (run.ending.how == RunEnding::How::not_run) continue;
+    ++out.run;
+    ++(run.verdict == "passed" ? out.passed : run.verdict == "failed" ? out.failed : out.others);
   }
   return out;
 }
@@ -136,12 +137,12 @@ std::string campaign_text(const std::vector<CampaignRun>& runs, const std::vecto
     out +=
         "\nAll runs have the same numbers: nothing in the scenario seems to follow the seed. Parameters with a spread do: "
         "docs/campaigns.md.\n";
-  if (n.done > 0) {
-    out += fmt::format("\n{} of {} runs passed, {} failed", n.passed, n.done, n.failed);
+  if (n.run > 0) {
+    out += fmt::format("\n{} of {} runs passed, {} failed", n.passed, n.run, n.failed);
     if (n.others > 0) out += fmt::format(", {} did not come to their end", n.others);
     out +=
         fmt::format(".\nWith {:g} % confidence {:.4g} % of all runs pass at least, and {:.4g} % stay below the largest number of a row.\n",
-                    100.0 * kConfidence, 100.0 * share_at_least(n.passed, n.done, kConfidence),
+                    100.0 * kConfidence, 100.0 * share_at_least(n.passed, n.run, kConfidence),
                     100.0 * share_below_largest(n.passed + n.failed, kConfidence));
   }
   return out;
@@ -210,11 +211,11 @@ Json campaign_json(const Json& about, const std::vector<CampaignRun>& runs, cons
   Json out = {{"cardan_campaign", 1}};
   out.update(about);
   out.update({{"confidence", kConfidence},
-              {"runs_done", n.done},
+              {"runs_done", n.run},
               {"passed", n.passed},
               {"failed", n.failed},
               {"without_end", n.others},
-              {"share_that_passes_at_least", n.done > 0 ? share_at_least(n.passed, n.done, kConfidence) : 0.0},
+              {"share_that_passes_at_least", n.run > 0 ? share_at_least(n.passed, n.run, kConfidence) : 0.0},
               {"share_below_largest_at_least", share_below_largest(n.passed + n.failed, kConfidence)},
               {"quantities", std::move(numbers)},
               {"runs", std::move(rows)}});

@@ -97,17 +97,19 @@ int campaign(const CampaignArguments& a, bool as_json) {
     say(fmt::format("Interrupted: {} of {} runs are done. The same command goes on from there.\n", done, runs.size()));
     return 128 + Interruption::signal();
   }
-  if (done < runs.size()) {  // the last of the shards has all of them, but for what was ended from outside
+  if (std::ranges::any_of(runs, [](const CampaignRun& run) { return run.ending.how == RunEnding::How::not_run; })) {  // of other shards
     say(fmt::format("{} of {} runs are done. The same command without --shard runs what is missing and writes the tables.\n", done,
                     runs.size()));
-    return c.shards > 1 ? 0 : 1;
+    return 0;
   }
+  if (done < runs.size())
+    say(fmt::format("{} of {} runs were ended from outside: the same command makes them again\n", runs.size() - done, runs.size()));
   const std::vector<Quantity> quantities = quantities_of(runs);
   const std::string title = scenario->mission.title.empty() ? folder.string() : scenario->mission.title;
   const Json about = {{"title", title},
                       {"scenario", a.scenario.file},
                       {"program", fmt::format("cardan {}, commit {}", version::kNumber, version::kCommit)},
-                      {"settings", c.words},
+                      {"arguments", c.words},
                       {"input", c.input},
                       {"first_seed", c.first},
                       {"runs_planned", c.runs}};

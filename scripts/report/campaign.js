@@ -88,7 +88,7 @@ document.getElementById("page").append(
   element("h2", "Runs that did not pass"),
   bad.length ? table(["seed", "verdict", "why", "simulated [s]", "results"], bad.slice(0, 1000).map((r) => row(cell(String(r.seed)), element("td.verdict.fail", r.verdict), element("td.text", r.why), cell(number(r.simulated_s)), element("td", r.results))))
              : element("p.note", "None."),
-  element("p.note", `A run alone, with the same bits: cardan run ${data.settings.map((w) => (/^[\w./=:+-]+$/.test(w) ? w : `'${w}'`)).join(" ")} --seed N. All numbers of all runs: campaign.csv.`));
+  element("p.note", `A run alone, with the same bits: cardan run ${data.arguments.map((w) => (/^[\w./=:+-]+$/.test(w) ? w : `'${w}'`)).join(" ")} --seed N. All numbers of all runs: campaign.csv.`));
 draw();
 
 // "#selftest" tells in the document what was drawn.

@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
+#include "core/io/result_folder.hpp"
 #include "scripts/campaign/statistics.hpp"
 #include "tests/scripts/run_program.hpp"
 
@@ -158,6 +159,39 @@ check { name = "push", value = function() return p.push end, below = 0 })");
   for (const json& r : all["runs"]) EXPECT_EQ(has(r["why"], "pushed"), r["verdict"] != "passed") << r;
   EXPECT_LT(quantity("push")["most"]["value"], 0.0);
   EXPECT_TRUE(has(campaign({"-n", "12"}).out, "12 of 12 runs were there already"));
+}
+
+/// Results of another input that a run leaves where it is refused are not its own.
+TEST_F(CampaignOf, ARunThatIsRefusedHasNoResultsOfBefore) {
+  use("local p = parameters { mass = { 2, uniform = 1 }, less = 0 }\n"
+      "vehicle(\"vehicle.yaml\", { [\"bodies.rod.mass\"] = p.mass - p.less })\nmission { duration = 0.1 }");
+  EXPECT_EQ(campaign({"-n", "6"}).exit_code, 0);
+  double first = 0.0, least = 4.0;
+  const json drawn = quantity("mass")["values"];
+  for (const double x : drawn) least = std::min(least, x);
+  first = drawn[0];
+  ASSERT_GT(first, least);  // which is opened before the runs
+  const Finished run = campaign({"-n", "6", "--set", "less=" + std::to_string(0.5 * (first + least))});
+  EXPECT_EQ(run.exit_code, 1) << run.out << run.err;
+  const json all = results();
+  EXPECT_GT(all["without_end"], 0);
+  for (std::size_t i = 0; i < 6; ++i) EXPECT_EQ(all["runs"][i]["verdict"] == "passed", drawn[i].get<double>() > 0.5 * (first + least)) << i;
+}
+
+/// What is ended from outside is told in the tables, which come all the same, and made again.
+TEST_F(CampaignOf, WhatAnotherKeepsFromRunningIsMadeAgain) {
+  fs::create_directories(dir_ / "c/seed_2");
+  {
+    const ResultFolder held(dir_ / "c/seed_2", {});
+    const Finished run = campaign({"-n", "3"});
+    EXPECT_EQ(run.exit_code, 1);
+    EXPECT_TRUE(has(run.out, "1 of 3 runs were ended from outside")) << run.out;
+    EXPECT_EQ(results()["runs"][1]["verdict"], "not done");
+    EXPECT_TRUE(has(results()["runs"][1]["why"], "C0701"));
+    EXPECT_EQ(results()["without_end"], 1);
+  }
+  EXPECT_TRUE(has(campaign({"-n", "3"}).out, "2 of 3 runs were there already"));
+  EXPECT_EQ(results()["without_end"], 0);
 }
 
 TEST_F(CampaignOf, AnInterruptedOneGoesOn) {
