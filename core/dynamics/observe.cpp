@@ -1,6 +1,8 @@
 #include "core/dynamics/observe.hpp"
 
 #include <Eigen/Geometry>
+#include <algorithm>
+#include <numeric>
 
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/dynamics/inverse.hpp"
@@ -327,16 +329,20 @@ ExternalLoads Observer::external(const Inputs& in, const double* vdot) {
     if (b.n_modes == 0) continue;
     const soa::FieldPull<double> at_centre = soa::pull_of_source(model_.field, in.moment, M, W);
     const FlexibleBody& f = model_.flexible[b.flexible];
+    const auto n = static_cast<std::size_t>(b.n_modes);
+    gravity_work_.resize(std::max(gravity_work_.size(), 16 + 9 * n + n * n));
+    double* force = gravity_work_.data();
     soa::Modal<double> modal{};  // with M_re as it is before the inward sweep
+    modal.accel = force + n, modal.b = modal.accel + n;
     if (!f.M_re_constant) {
-      const auto n = static_cast<std::size_t>(b.n_modes);
-      gravity_mass_.resize(std::max(gravity_mass_.size(), 10 + 6 * n + n * n));
-      double* mass = gravity_mass_.data();
+      double* mass = modal.b + 6 + n;
       f.family->mass(f.packed.data(), in.q + b.eta, mass, mass + 10, mass + 10 + 6 * n);
       modal.P_re = mass + 10;
     }
-    for (int j = 0; j < b.n_modes; ++j)
-      e.power += in.v[b.etadot + j] * soa::pull_on_mode(f, modal, j, b.n_modes, in.q + b.eta, M.m, (1.0 / M.m) * M.h, at_centre);
+    std::fill_n(force, n, 0.0);
+    const auto on_modes = soa::pull_on_modes<double>((1.0 / M.m) * at_centre.force, (1.0 / M.m) * M.h, at_centre.gradient);
+    soa::add_pull_on_modes(f, modal, b.n_modes, in.q + b.eta, on_modes, 1.0, force);
+    e.power += std::inner_product(force, force + n, in.v + b.etadot, 0.0);
   }
   for (const NodeWrench& load : in_.wrenches) {
     const UserNode& node = model_.nodes[load.node];

@@ -91,7 +91,7 @@ class Observer {
   mutable std::vector<double> all_tau_, prescribed_tau_;
   std::vector<double> mass_;          // [kg] of a sweep body and all outboard of it
   bool poses_given_ = false;          // forward dynamics leaves poses in the world
-  std::vector<double> gravity_mass_;  // of a flexible body, for the work of gravity
+  std::vector<double> gravity_work_;  // of a flexible body, for the work of gravity on its modes
   std::vector<Vec3<double>> moment_;  // scratch of first_moment()
 };
 

@@ -258,13 +258,12 @@ class Compiler {
         b.etadot = u.etadot;
         b.flexible = static_cast<int>(m.flexible.size());
         m.flexible.push_back(flexible_of(spec_, spec, *registry_.body(spec.type), sink_));
-        if (m.field.pulls()) add_inertia_derivatives(m.flexible.back());
-        if (m.field.pulls() && m.field.gradient && m.flexible.back().curved)
-          sink_.report(
-              Code::unsupported, spec_.locate(body_path(spec)),
-              "a body whose nodes move along constant shapes, where gravity has a gradient",
-              fmt::format("{}, whose type {} tells how they move", spec.name, in_quotes(spec.type)),
-              "torque and modal forces of a gradient are formed from the integrals of modal data; gradient: false leaves them out");
+        if (m.field.pulls() && m.field.gradient) add_inertia_derivatives(m.flexible.back());
+        if (m.field.pulls() && m.field.gradient && m.flexible.back().curved && m.flexible.back().level == 0)
+          sink_.report(Code::unsupported, spec_.locate(body_path(spec)),
+                       "a body whose nodes move along constant shapes, at level 0 where gravity has a gradient",
+                       fmt::format("{}, whose type {} tells how they move", spec.name, in_quotes(spec.type)),
+                       "level 1 or 2, or gradient: false: at level 0 the gradient is formed from the integrals of modal data");
         const bool at_origin =
             P.pose.p.x == 0 && P.pose.p.y == 0 && P.pose.p.z == 0 && (to_eigen(P.pose.R) - Eigen::Matrix3d::Identity()).isZero(0.0);
         if (P.deforms() || !at_origin) {

@@ -1,5 +1,7 @@
 #include "core/model/flexible_constants.hpp"
 
+#include <algorithm>
+#include <cmath>
 #include <optional>
 
 #include "core/abi/modal_view.hpp"
@@ -105,6 +107,34 @@ FlexibleBody flexible_of(const SystemSpec& spec, const BodySpec& body, const car
   return f;
 }
 
+namespace {
+
+/// Whether dJ and d2J are those of the kinetic energy that the velocity terms of the family come from, bent by a tenth of the body's size.
+bool J_is_polynomial(const FlexibleBody& f) {
+  const auto m = static_cast<int>(f.dJ.size() / 6);
+  const Eigen::Map<const Eigen::Matrix<double, 6, Eigen::Dynamic>> dJ(f.dJ.data(), 6, m);
+  const double size = std::sqrt(0.5 * (f.M_rr.J.xx + f.M_rr.J.yy + f.M_rr.J.zz));  // [sqrt(kg) m], as a deflection by the modal mass
+  Eigen::VectorXd eta(m), b(6 + m);
+  const Eigen::VectorXd rest = Eigen::VectorXd::Zero(m);
+  for (int k = 0; k < m; ++k) eta[k] = (k % 2 == 0 ? 0.1 : -0.07) * size / std::sqrt(m * f.M_ee[static_cast<std::size_t>(m * k + k)]);
+  const double omega[3] = {0.8, -0.6, 1.1};
+  const double xx = omega[0] * omega[0], yy = omega[1] * omega[1], zz = omega[2] * omega[2];
+  const Eigen::Vector<double, 6> of{xx, yy, zz, 2 * omega[0] * omega[1], 2 * omega[0] * omega[2], 2 * omega[1] * omega[2]};
+  f.family->bias(f.packed.data(), eta.data(), rest.data(), omega, b.data());
+  double off = 0.0, all = 0.0;
+  for (int k = 0; k < m; ++k) {
+    Eigen::Vector<double, 6> slope = dJ.col(k);
+    for (int l = 0; l < m && !f.d2J.empty(); ++l)
+      slope += eta[l] * Eigen::Map<const Eigen::Vector<double, 6>>(f.d2J.data() + 6 * (k * m + l));
+    const double unit = std::sqrt(f.M_ee[static_cast<std::size_t>(m * k + k)]);
+    off = std::max(off, std::abs(of.dot(slope) + 2.0 * b[6 + k]) / unit);
+    all = std::max(all, slope.norm() / unit);
+  }
+  return off <= 1e-12 * (all + size);
+}
+
+}  // namespace
+
 void add_inertia_derivatives(FlexibleBody& f) {
   const ModalIntegrals& I = f.data->integrals;
   const auto append = [](std::vector<double>& to, const Eigen::Matrix3d& d) {
@@ -117,6 +147,8 @@ void add_inertia_derivatives(FlexibleBody& f) {
   }
   if (f.level == 2)
     for (const Eigen::Matrix3d& a : I.I9) append(f.d2J, a + a.transpose());
+  f.J_by_family = f.level > 0 && !J_is_polynomial(f);
+  if (f.J_by_family) f.dJ.clear(), f.d2J.clear();
 }
 
 void prepare_nodes(Model& m) {

@@ -14,7 +14,8 @@ NodeShapes node_of(const BodySpec& body, const std::string& node, const cardan_b
 /// The constants of body, whose family is given. A body that the family cannot take is reported.
 FlexibleBody flexible_of(const SystemSpec& spec, const BodySpec& body, const cardan_body_family& family, DiagnosticSink& sink);
 
-/// dJ/d eta_k = I8_k + I8_k* (+ rotary), and at level 2 d^2 J / d eta_k d eta_l = I9 + I9*: for the gravity of a centre.
+/// dJ/d eta_k = I8_k + I8_k* (+ rotary), and at level 2 d^2 J / d eta_k d eta_l = I9 + I9*: for the gradient of gravity.
+/// Where the velocity terms of the family say otherwise of the modes at rest, b_e(omega) = -1/2 omega* dJ_k omega, it is left to them.
 void add_inertia_derivatives(FlexibleBody& body);
 
 /// Which flexible bodies are eliminated through their outboard nodes (flexible.md, 7), and the constants for it.

@@ -95,9 +95,11 @@ struct FlexibleBody {
   std::vector<double> Q;   // 6n x 6n, row-major, lower triangle: Q = S V, S M_ee^-1 S* = Q Q*
   std::vector<double> MV;  // 6 x 6n, column-major: M_re V at eta = 0
   int level = 0;
-  // Derivatives of the inertia for the gravity of a centre, per mode xx yy zz xy xz yz: dJ/d eta_k at eta = 0, and at level 2
-  // d^2 J / d eta_k d eta_l (k-major); empty where the scene has no such gravity.
+  // Derivatives of the inertia for the gradient of gravity, per mode xx yy zz xy xz yz: dJ/d eta_k at eta = 0, and at level 2
+  // d^2 J / d eta_k d eta_l (k-major); empty where the scene has no such gravity, and where J_by_family: J is no such polynomial of the
+  // modes (nodes with rotary inertia at level 2), and the velocity terms of its family tell how it changes.
   std::vector<double> dJ, d2J;
+  bool J_by_family = false;
   std::shared_ptr<const ModalData> data;
 };
 

@@ -4,6 +4,7 @@
 
 #include "core/model/sweep_model.hpp"
 #include "core/soa/field_pull.hpp"
+#include "core/soa/kernels_kinematics.hpp"
 #include "core/soa/record.hpp"
 #include "core/spatial/inertia.hpp"
 
@@ -77,18 +78,58 @@ static RigidInertia<T> gravity_inertia(const FlexibleBody& f, int n_modes, Rigid
   return M;
 }
 
-/// The force of a source on mode j of a body of mass m and mass centre c: F . I3 / m - c . G I3 + 1/2 G : dS, dS = 1/2 tr(dJ) 1 - dJ.
+/// What pulls on the modes of a body in a field: F / m - G c along I3_k, and on dJ/d eta_k (xx yy zz xy xz yz) what 1/2 G : dS_k has of
+/// it, dS = 1/2 tr(dJ) 1 - dJ.
 template <class T>
-static T pull_on_mode(const FlexibleBody& f, const Modal<T>& modal, int j, int n_modes, const T* eta, const T& m, const Vec3<T>& c,
-                      const FieldPull<T>& pull) {
-  const double* constant = f.M_re.data() + 6 * j;
-  const T* M_e = modal.P_re ? modal.P_re + 6 * j : nullptr;
-  const Vec3<T> I3 = M_e ? Vec3<T>{M_e[3], M_e[4], M_e[5]} : Vec3<T>{T(constant[3]), T(constant[4]), T(constant[5])};
-  Sym3<T> dJ = inertia_derivative<T>(f.dJ.data() + 6 * j);
-  for (int l = 0; l < n_modes && !f.d2J.empty(); ++l) dJ += scaled(eta[l], inertia_derivative<T>(f.d2J.data() + 6 * (j * n_modes + l)));
-  const Mat3<T>& G = pull.gradient;
-  const T along = G.xx * dJ.xx + G.yy * dJ.yy + G.zz * dJ.zz + (G.xy + G.yx) * dJ.xy + (G.xz + G.zx) * dJ.xz + (G.yz + G.zy) * dJ.yz;
-  return dot(I3, pull.force) / m - dot(c, G * I3) + T(0.5) * (T(0.5) * (dJ.xx + dJ.yy + dJ.zz) * (G.xx + G.yy + G.zz) - along);
+struct PullOnModes {
+  Vec3<T> along;
+  T on_inertia[6];
+};
+/// F / m [m/s^2], mass centre c and G in body axes.
+template <class T>
+static PullOnModes<T> pull_on_modes(const Vec3<T>& field, const Vec3<T>& c, const Mat3<T>& G) {
+  return {field - transpose_times(G, c),
+          {T(0.25) * (G.yy + G.zz - G.xx), T(0.25) * (G.xx + G.zz - G.yy), T(0.25) * (G.xx + G.yy - G.zz), T(-0.5) * (G.xy + G.yx),
+           T(-0.5) * (G.xz + G.zx), T(-0.5) * (G.yz + G.zy)}};
+}
+/// 1/2 G : dS of dJ.
+template <class T>
+static T pull_on_inertia(const PullOnModes<T>& pull, const double* dJ) {
+  T sum = T(dJ[0]) * pull.on_inertia[0];
+  for (int i = 1; i < 6; ++i) sum = sum + T(dJ[i]) * pull.on_inertia[i];
+  return sum;
+}
+
+/// Adds `scale` times the forces of a field on the m modes of a body to `out`. P_re of `modal` as the family gave it; its b and accel are
+/// work, where the family tells how J changes.
+template <class T>
+static void add_pull_on_modes(const FlexibleBody& f, Modal<T>& modal, int m, const T* eta, const PullOnModes<T>& pull, const T& scale,
+                              T* out) {
+  for (int j = 0; j < m; ++j) {
+    const double* constant = f.M_re.data() + 6 * j;
+    const T* M_e = modal.P_re ? modal.P_re + 6 * j : nullptr;
+    const Vec3<T> I3 = M_e ? Vec3<T>{M_e[3], M_e[4], M_e[5]} : Vec3<T>{T(constant[3]), T(constant[4]), T(constant[5])};
+    T force = dot(I3, pull.along);
+    if (!f.dJ.empty()) force = force + pull_on_inertia(pull, f.dJ.data() + 6 * j);
+    for (int l = 0; l < m && !f.d2J.empty(); ++l) force = force + eta[l] * pull_on_inertia(pull, f.d2J.data() + 6 * (j * m + l));
+    out[j] = out[j] + scale * force;
+  }
+  if (!f.J_by_family) return;
+  // b_e(omega) = -1/2 omega* dJ_k omega of modes at rest, and dJ_k is known from six turns: x, y, z, x + y, x + z, y + z.
+  for (int j = 0; j < m; ++j) modal.accel[j] = T(0);
+  const T* on = pull.on_inertia;
+  const T half(0.5), of[6] = {on[0] - half * (on[3] + on[4]),
+                              on[1] - half * (on[3] + on[5]),
+                              on[2] - half * (on[4] + on[5]),
+                              half * on[3],
+                              half * on[4],
+                              half * on[5]};
+  constexpr double turns[6][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}, {1, 1, 0}, {1, 0, 1}, {0, 1, 1}};
+  for (int i = 0; i < 6; ++i) {
+    family_inertia(f, m, eta, modal.accel, Vec3<T>{T(turns[i][0]), T(turns[i][1]), T(turns[i][2])}, modal, static_cast<T*>(nullptr));
+    const T weight = T(-2) * scale * of[i];
+    for (int j = 0; j < m; ++j) out[j] = out[j] + weight * modal.b[6 + j];
+  }
 }
 
 /// Potential energy in the same field.

@@ -217,17 +217,19 @@ static void deform(const SweepModel& model, const Workspace<T>& ws, int k, const
     deform<T>(s, eta, etadot, d);
 }
 
-/// The family's functions, in double.
+/// The family's functions, in double. M_rr null: only b.
 static inline void family_inertia(const FlexibleBody& f, int, const double* eta, const double* etadot, const Vec3<double>& w,
                                   Modal<double>& modal, double* M_rr) {
-  f.family->mass(f.packed.data(), eta, M_rr, f.M_re_constant ? nullptr : modal.P_re, modal.P_ee && !f.M_ee_constant ? modal.P_ee : nullptr);
+  if (M_rr)
+    f.family->mass(f.packed.data(), eta, M_rr, f.M_re_constant ? nullptr : modal.P_re,
+                   modal.P_ee && !f.M_ee_constant ? modal.P_ee : nullptr);
   if (etadot) f.family->bias(f.packed.data(), eta, etadot, &w.x, modal.b);
 }
 /// Any other scalar: lane by lane through double, but for families that take all lanes at once.
 template <class T>
 static void family_inertia(const FlexibleBody& f, int m, const T* eta, const T* etadot, const Vec3<T>& w, Modal<T>& modal, T* M_rr) {
   if constexpr (kStates<T>)
-    if (f.states) {
+    if (f.states && M_rr) {
       const auto of = [](const T* a) { return reinterpret_cast<const double*>(a); };
       const auto to = [](T* a) { return reinterpret_cast<double*>(a); };
       f.family->states(f.packed.data(), kWidth<T>, of(eta), of(etadot), of(&w.x), to(M_rr), f.M_re_constant ? nullptr : to(modal.P_re),
@@ -237,10 +239,12 @@ static void family_inertia(const FlexibleBody& f, int m, const T* eta, const T* 
   double *e = modal.family, *ed = e + m, *re = ed + m, *ee = re + 6 * m, *bias = ee + m * m, rr[10];
   for (int l = 0; l < kWidth<T>; ++l) {
     for (int i = 0; i < m; ++i) e[i] = lane(eta[i], l);
-    f.family->mass(f.packed.data(), e, rr, f.M_re_constant ? nullptr : re, modal.P_ee && !f.M_ee_constant ? ee : nullptr);
-    for (int i = 0; i < 10; ++i) set_lane(M_rr[i], l, rr[i]);
-    for (int i = 0; i < 6 * m && !f.M_re_constant; ++i) set_lane(modal.P_re[i], l, re[i]);
-    for (int i = 0; i < m * m && modal.P_ee && !f.M_ee_constant; ++i) set_lane(modal.P_ee[i], l, ee[i]);
+    if (M_rr) {
+      f.family->mass(f.packed.data(), e, rr, f.M_re_constant ? nullptr : re, modal.P_ee && !f.M_ee_constant ? ee : nullptr);
+      for (int i = 0; i < 10; ++i) set_lane(M_rr[i], l, rr[i]);
+      for (int i = 0; i < 6 * m && !f.M_re_constant; ++i) set_lane(modal.P_re[i], l, re[i]);
+      for (int i = 0; i < m * m && modal.P_ee && !f.M_ee_constant; ++i) set_lane(modal.P_ee[i], l, ee[i]);
+    }
     if (!etadot) continue;
     for (int i = 0; i < m; ++i) ed[i] = lane(etadot[i], l);
     const double omega[3] = {lane(w.x, l), lane(w.y, l), lane(w.z, l)};

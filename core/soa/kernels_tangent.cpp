@@ -122,7 +122,8 @@ void record_slopes(const cardan_hinge_family& f, HingeSlopes known, const void* 
 
 void family_inertia(const FlexibleBody& f, int m, const Tangents* eta, const Tangents* etadot, const Vec3<Tangents>& w,
                     Modal<Tangents>& modal, Tangents* M_rr) {
-  const auto n = static_cast<std::size_t>(m), n_re = f.M_re_constant ? 0 : 6 * n, n_ee = modal.P_ee && !f.M_ee_constant ? n * n : 0;
+  const auto n = static_cast<std::size_t>(m), n_re = f.M_re_constant || !M_rr ? 0 : 6 * n,
+             n_ee = M_rr && modal.P_ee && !f.M_ee_constant ? n * n : 0;
   std::vector<Tangent> numbers(n_re + n_ee + 6 + n), rates;
   Modal<Tangent> one{};
   one.family = modal.family;
@@ -131,8 +132,9 @@ void family_inertia(const FlexibleBody& f, int m, const Tangents* eta, const Tan
   for (int d = 0; d < kDirections; ++d) {
     const std::vector<Tangent> at = along_one(eta, n, d);
     if (etadot) rates = along_one(etadot, n, d);
-    family_inertia(f, m, at.data(), etadot ? rates.data() : nullptr, Vec3<Tangent>{along(w.x, d), along(w.y, d), along(w.z, d)}, one, rr);
-    set_along(M_rr, rr, 10, d);
+    family_inertia(f, m, at.data(), etadot ? rates.data() : nullptr, Vec3<Tangent>{along(w.x, d), along(w.y, d), along(w.z, d)}, one,
+                   M_rr ? rr : nullptr);
+    if (M_rr) set_along(M_rr, rr, 10, d);
     if (n_re > 0) set_along(modal.P_re, one.P_re, n_re, d);
     if (n_ee > 0) set_along(modal.P_ee, one.P_ee, n_ee, d);
     if (etadot) set_along(modal.b, one.b, 6 + n, d);

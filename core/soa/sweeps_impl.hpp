@@ -169,13 +169,14 @@ static void gravity_of_source(const SweepModel& model, Workspace<T>& ws, const I
     const FieldPull<T> pull = pull_of_source(g, in.moment, inertia, ws.pose_W(carrier));
     const Vec3<T> c = (T(1) / inertia.m) * inertia.h;
     ws.z(carrier) -= Force<T>{pull.torque + cross(c, pull.force), pull.force};
-    for (int j = 0; modal && j < b.n_modes; ++j)
-      modal->z[j] = modal->z[j] - pull_on_mode(model.flexible[b.flexible], *modal, j, b.n_modes, in.q + b.eta, inertia.m, c, pull);
+    if (modal)
+      add_pull_on_modes(model.flexible[b.flexible], *modal, b.n_modes, in.q + b.eta,
+                        pull_on_modes<T>((T(1) / inertia.m) * pull.force, c, pull.gradient), T(-1), modal->z);
   }
 }
 
-// The force on mode k is -dU/d eta_k of the same potential: with F the force at the mass centre, Grad = mu/r^3 (3 rhat rhat* - 1)
-// and S = (tr J/2) 1 - J the second moments, f_k = I3_k . F/m + 1/2 Grad : dS_k - c . Grad I3_k.
+// The force on mode k is -dU/d eta_k of the same potential: with F the force at the mass centre, G = mu/r^3 (3 rhat rhat* - 1)
+// and S = (tr J/2) 1 - J the second moments, f_k = I3_k . F/m + 1/2 G : dS_k - c . G I3_k.
 template <class T>
 static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inputs<T>& in) {
   using std::sqrt;
@@ -202,25 +203,14 @@ static void central_gravity(const SweepModel& model, Workspace<T>& ws, const Inp
     const Force<T> pull = attraction(g, inertia, ws.pose_W(carrier), c, r, nullptr);
     ws.z(carrier) -= pull;
     if (!modal) continue;
-    const Vec3<T> field = (T(1) / inertia.m) * pull.f;
-    const T r2 = dot(r, r), k3 = T(g.mu) / (r2 * sqrt(r2));
-    const FlexibleBody& flexible = model.flexible[b.flexible];
-    const T* eta = in.q + b.eta;
-    for (int j = 0; j < b.n_modes; ++j) {
-      const double* constant = flexible.M_re.data() + 6 * j;
-      const T* M_e = modal->P_re ? modal->P_re + 6 * j : nullptr;
-      const Vec3<T> I3 = M_e ? Vec3<T>{M_e[3], M_e[4], M_e[5]} : Vec3<T>{T(constant[3]), T(constant[4]), T(constant[5])};
-      T f = dot(I3, field);
-      if (g.gradient) {
-        f = f - k3 * (T(3) * dot(c, r) * dot(r, I3) / r2 - dot(c, I3));
-        // 1/2 Grad : dS = k3/2 (tr dJ - 3 rhat* dJ rhat)
-        Sym3<T> dJ = inertia_derivative<T>(flexible.dJ.data() + 6 * j);
-        for (int l = 0; l < b.n_modes && !flexible.d2J.empty(); ++l)
-          dJ += scaled(eta[l], inertia_derivative<T>(flexible.d2J.data() + 6 * (j * b.n_modes + l)));
-        f = f + T(0.5) * k3 * (dJ.xx + dJ.yy + dJ.zz - T(3) * dot(r, dJ * r) / r2);
-      }
-      modal->z[j] = modal->z[j] - f;
+    Mat3<T> G{};
+    if (g.gradient) {
+      const T r2 = dot(r, r), k3 = T(g.mu) / (r2 * sqrt(r2)), k5 = T(3) * k3 / r2;
+      G = {k5 * r.x * r.x - k3, k5 * r.x * r.y, k5 * r.x * r.z, k5 * r.x * r.y,     k5 * r.y * r.y - k3,
+           k5 * r.y * r.z,      k5 * r.x * r.z, k5 * r.y * r.z, k5 * r.z * r.z - k3};
     }
+    add_pull_on_modes(model.flexible[b.flexible], *modal, b.n_modes, in.q + b.eta, pull_on_modes<T>((T(1) / inertia.m) * pull.f, c, G),
+                      T(-1), modal->z);
   }
 }
 

@@ -50,16 +50,16 @@ static inline double step_of_modes(const FlexibleBody& f, int m, const Tangent* 
 /// Numbers that the functions below work with: eta, eta', and each number of a family three times.
 constexpr std::size_t family_numbers(std::size_t m) { return 2 * m + 3 * (10 + 6 * m + m * m + 6 + m); }
 
-/// M_fl(eta) and b, value and derivative.
+/// M_fl(eta) and b, value and derivative. M_rr null: only b.
 static inline void family_inertia(const FlexibleBody& f, int m, const Tangent* eta, const Tangent* etadot, const Vec3<Tangent>& w,
                                   Modal<Tangent>& modal, Tangent* M_rr) {
-  const bool re = !f.M_re_constant, ee = modal.P_ee && !f.M_ee_constant;
-  const int n = 10 + (re ? 6 * m : 0) + (ee ? m * m : 0), nb = etadot ? 6 + m : 0;
+  const bool re = M_rr && !f.M_re_constant, ee = M_rr && modal.P_ee && !f.M_ee_constant;
+  const int rr = M_rr ? 10 : 0, n = rr + (re ? 6 * m : 0) + (ee ? m * m : 0), nb = etadot ? 6 + m : 0;
   double *e = modal.family, *ed = e + m, *value = ed + m, *slope = value + n + nb, *work = slope + n + nb;
   double omega[3] = {w.x.x, w.y.x, w.z.x};
   const auto all = [&](double s, double* out) {
     for (int i = 0; i < m; ++i) e[i] = eta[i].x + s * eta[i].d;
-    f.family->mass(f.packed.data(), e, out, re ? out + 10 : nullptr, ee ? out + n - m * m : nullptr);
+    if (M_rr) f.family->mass(f.packed.data(), e, out, re ? out + 10 : nullptr, ee ? out + n - m * m : nullptr);
     if (!etadot) return;
     for (int i = 0; i < m; ++i) ed[i] = etadot[i].x;
     f.family->bias(f.packed.data(), e, ed, omega, out + n);
@@ -83,7 +83,7 @@ static inline void family_inertia(const FlexibleBody& f, int m, const Tangent* e
       }
     }
   }
-  for (int i = 0; i < 10; ++i) M_rr[i] = {value[i], slope[i]};
+  for (int i = 0; i < rr; ++i) M_rr[i] = {value[i], slope[i]};
   for (int i = 0; re && i < 6 * m; ++i) modal.P_re[i] = {value[10 + i], slope[10 + i]};
   for (int i = 0; ee && i < m * m; ++i) modal.P_ee[i] = {value[n - m * m + i], slope[n - m * m + i]};
   for (int i = 0; i < nb; ++i) modal.b[i] = {value[n + i], slope[n + i]};

@@ -27,7 +27,7 @@ std::vector<TreeOptions> kinds_with_springs() {
 }
 
 /// Twins at 113 bits are slow: small trees. In a central field what sweeps and twin define alike: no merged bodies (a field is expanded
-/// about the mass centre of what is merged), level 1, or level 2 without nodal rotary inertia.
+/// about the mass centre of what is merged), level 1 or 2.
 std::vector<TreeOptions> kinds_of_small_trees() {
   std::vector<TreeOptions> out = kinds_with_springs();
   for (TreeOptions& o : out) o.bodies = 3;
@@ -36,7 +36,7 @@ std::vector<TreeOptions> kinds_of_small_trees() {
   central.locked = 0.0, central.level = 1;
   std::erase(central.hinges, "locked");
   out.push_back(central);
-  out[4].level = 2, out[4].plain_masses = true;
+  out[4].level = 2;
   return out;
 }
 

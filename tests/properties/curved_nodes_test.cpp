@@ -517,12 +517,42 @@ TEST(CurvedNodes, RunAsThePartsDo) {
   EXPECT_GT(std::abs(one.state().q[one.model().user[0].eta] - p.q[one.model().user[0].eta]), 0.03) << "it swings";
 }
 
+/// At rest the forces that hold a body against a field with a gradient are the slope of its potential energy.
+TEST(CurvedNodes, FeelTheGradientOfGravity) {
+  for (std::uint64_t seed = 1; seed <= 6; ++seed) {
+    SystemSpec spec = mechanism(seed, "free", kOutboard[seed % 7]).one;
+    spec.gravity = central_gravity(3000.0, true, {11.0, -7.0, 4.0});
+    const auto model = made(spec);
+    Point p = random_point(*model, 40 + seed);
+    p.v.setZero(), p.vdot.setZero(), p.loads.clear();
+    const int eta = model->user[0].eta;
+    const auto energy_at = [&](double moved) {
+      Point there = p;
+      there.q[eta] += moved;
+      At at(model, there);
+      const VectorXd vdot = at.forward();
+      Observer see(*model, at.ws);
+      see.update(at.in(), vdot.data());
+      return see.energy().gravity;
+    };
+    constexpr double kStep = 1e-2;  // of fourth order: 1e-9 of the slope, and the rounding of U over it
+    const double slope = (8 * (energy_at(kStep) - energy_at(-kStep)) - (energy_at(2 * kStep) - energy_at(-2 * kStep))) / (12 * kStep);
+    At loaded(model, p);
+    spec.gravity.mu = 1e-300;
+    At free(made(spec), p);
+    const double held = loaded.inverse()[model->user[0].etadot] - free.inverse()[model->user[0].etadot];
+    EXPECT_NEAR(held / slope, 1.0, 1e-7) << seed;
+  }
+}
+
 /// Constant shapes by another way: told by node(), they take the general elimination.
 TEST(CurvedNodes, MayBeStraight) {
   int curved = 0;
   for (const TreeOptions& options :
        {TreeOptions{}, TreeOptions{.bodies = 5, .flexible = 1.0}, TreeOptions{.bodies = 5, .flexible = 1.0, .level = 0},
-        TreeOptions{.bodies = 4, .flexible = 0.6, .modes = 20, .plain_masses = true}, TreeOptions{.flexible = 0.7, .prescribed = 0.3}})
+        TreeOptions{.bodies = 4, .flexible = 0.6, .modes = 20, .plain_masses = true}, TreeOptions{.flexible = 0.7, .prescribed = 0.3},
+        TreeOptions{.bodies = 4, .flexible = 0.7, .level = 1, .gravity = GravitySpec::Kind::central},
+        TreeOptions{.bodies = 4, .flexible = 0.7, .level = 2, .gravity = GravitySpec::Kind::central}})
     for (unsigned seed = first_seed(); seed < first_seed() + 20; ++seed) {
       const RandomTree tree = random_tree(seed, options);
       const auto plain = made(tree.spec), told = made(with_modal_type(tree.spec, "test/told_modal"));
@@ -552,7 +582,9 @@ TEST(CurvedNodes, MayBeStraight) {
 TEST(CurvedNodes, MayHaveAnyCoordinates) {
   for (const TreeOptions& options :
        {TreeOptions{}, TreeOptions{.bodies = 5, .flexible = 1.0}, TreeOptions{.bodies = 5, .flexible = 1.0, .level = 0},
-        TreeOptions{.bodies = 4, .flexible = 0.6, .modes = 12, .plain_masses = true}})
+        TreeOptions{.bodies = 4, .flexible = 0.6, .modes = 12, .plain_masses = true},
+        TreeOptions{.bodies = 4, .flexible = 0.7, .level = 1, .gravity = GravitySpec::Kind::central},
+        TreeOptions{.bodies = 4, .flexible = 0.7, .level = 2, .gravity = GravitySpec::Kind::central}})
     for (unsigned seed = first_seed(); seed < first_seed() + 20; ++seed) {
       const RandomTree tree = random_tree(seed, options);
       const auto plain = made(tree.spec), bent = made(with_modal_type(tree.spec, "test/bent_modal"));
@@ -686,13 +718,14 @@ TEST(CurvedNodes, AreRefusedByName) {
 
   SystemSpec pulled = spec;
   pulled.gravity = central_gravity(100.0, true, {20, 0, 0});
+  EXPECT_EQ(refusal([&] { made(pulled); }), "nothing");
+  pulled.bodies[0].level = 0;
   EXPECT_EQ(refusal([&] { made(pulled); }),
             unsupported +
-                "  at: bodies.carriage\n  expected: a body whose nodes move along constant shapes, where gravity has a gradient\n" +
+                "  at: bodies.carriage\n  expected: a body whose nodes move along constant shapes, at level 0 where gravity has a "
+                "gradient\n" +
                 carriage +
-                "  hint:     torque and modal forces of a gradient are formed from the integrals of modal data; gradient: false leaves "
-                "them out\n" +
-                end);
+                "  hint:     level 1 or 2, or gradient: false: at level 0 the gradient is formed from the integrals of modal data\n" + end);
   pulled.gravity.gradient = false;
   EXPECT_EQ(refusal([&] { made(pulled); }), "nothing");
 

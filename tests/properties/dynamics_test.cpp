@@ -27,8 +27,7 @@ std::vector<TreeOptions> every_gravity(TreeOptions options) {
 }
 
 /// As above, in a central field only what the sweeps and the twin define alike: the field is expanded about the mass
-/// centre of a body, so bodies that were merged are one there; with a gradient, the force on the modes is exact at
-/// level 1, and at level 2 without nodal rotary inertia and second-order displacements.
+/// centre of a body, so bodies that were merged are one there; level 0 takes J of its potential to first order.
 std::vector<TreeOptions> every_gravity_of_the_twin(const TreeOptions& options) {
   std::vector<TreeOptions> out;
   for (TreeOptions o : every_gravity(options)) {
@@ -41,7 +40,6 @@ std::vector<TreeOptions> every_gravity_of_the_twin(const TreeOptions& options) {
       o.level = 1;
       out.push_back(o);
       o.level = 2;
-      o.plain_masses = true;
     }
     out.push_back(o);
   }

@@ -274,8 +274,7 @@ void expect_work_from_outside(const RandomTree& tree) {
 TEST(FieldGravity, ThatDependsOnTimeWorksFromOutside) {
   for (const unsigned seed : {3U, 4U, 5U})
     for (const int level : {1, 2}) {  // of 2 the inertia is quadratic in the modes
-      const RandomTree tree =
-          random_tree(seed, {.bodies = 4, .flexible = 0.5, .level = level, .plain_masses = level == 2, .gravity = GravitySpec::Kind::none});
+      const RandomTree tree = random_tree(seed, {.bodies = 4, .flexible = 0.5, .level = level, .gravity = GravitySpec::Kind::none});
       expect_work_from_outside<CARDAN_FIELD_POTENTIAL>(tree);
       expect_work_from_outside<0>(tree);
     }
