@@ -96,11 +96,19 @@ Handle new_space(const std::vector<std::size_t>& shape) {
   return {dims.empty() ? H5Screate(H5S_SCALAR) : H5Screate_simple(static_cast<int>(dims.size()), dims.data(), nullptr), H5Sclose};
 }
 
+/// What is converted on its way goes through 64 kB at a time: by default HDF5 takes 2 MB, set to zero, for each text.
+Handle new_transfer() {
+  Handle transfer(H5Pcreate(H5P_DATASET_XFER), H5Pclose);
+  H5Pset_buffer(transfer, 64 * 1024, nullptr, nullptr);
+  return transfer;
+}
+
 }  // namespace
 
 struct Hdf5File::Impl {
   std::string name;
   hid_t file = H5I_INVALID_HID;
+  Handle transfer = new_transfer();  // of what is written
 
   Hdf5Rows flushed;  // as the file has it
 
@@ -185,7 +193,7 @@ struct Hdf5File::Impl {
   }
   /// All numbers or texts of a dataset. HDF5 keeps some of them in memory until it is closed.
   void fill(Handle set, const std::string& path, hid_t type, const void* data) const {
-    wrote(H5Dwrite(set, type, H5S_ALL, H5S_ALL, H5P_DEFAULT, data), path);
+    wrote(H5Dwrite(set, type, H5S_ALL, H5S_ALL, transfer, data), path);
     wrote(set.close(), path);
   }
   void write(const std::string& path, hid_t type, const std::vector<std::size_t>& shape, const void* data) {
@@ -224,7 +232,7 @@ struct Hdf5File::Impl {
     Handle in_file(H5Dget_space(set), H5Sclose);
     H5Sselect_hyperslab(in_file, H5S_SELECT_SET, start.data(), nullptr, count.data(), nullptr);
     Handle in_memory(H5Screate_simple(static_cast<int>(count.size()), count.data(), nullptr), H5Sclose);
-    wrote(H5Dwrite(set, type, in_memory, in_file, H5P_DEFAULT, values), path);
+    wrote(H5Dwrite(set, type, in_memory, in_file, transfer, values), path);
     wrote(set.close(), path);  // the numbers go to disk here, what makes them visible in flush()
   }
   struct Whole {

@@ -1,6 +1,7 @@
 #include "core/io/run_columns.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <cmath>
@@ -105,6 +106,24 @@ std::vector<std::string> units_of_components(const std::string& unit, std::size_
     if (one == "Nm") one = "N m";
   }
   return units;
+}
+
+ChannelPart part_of_channel(const std::string& name, const std::vector<std::string>& channels,
+                            const std::function<std::vector<std::string>(const std::string& channel)>& components_of,
+                            const std::string& file) {
+  const auto refuse_among = [&](const std::string& of, const std::vector<std::string>& legal) {
+    refuse(Code::unknown_name, {of, {file}}, fmt::format("one of: {}", fmt::join(legal, ", ")), '"' + name + '"',
+           did_you_mean(name, legal));
+  };
+  const auto is_channel = [&](const std::string& path) { return std::ranges::find(channels, path) != channels.end(); };
+  const auto dot = name.rfind('.');
+  ChannelPart part{is_channel(name) || dot == std::string::npos ? name : name.substr(0, dot), {}};
+  if (!is_channel(part.channel)) refuse_among(kRoot, channels);
+  const std::vector<std::string> components = components_of(part.channel);
+  for (std::size_t k = 0; k < components.size(); ++k)
+    if (part.channel == name || components[k] == name.substr(dot + 1)) part.components.push_back(k);
+  if (part.components.empty()) refuse_among(kRoot + "/" + part.channel, components);
+  return part;
 }
 
 RunColumns read_run_columns(const std::string& h5_path, const std::function<bool(const std::string&)>& wanted) {

@@ -32,6 +32,16 @@ std::string unit_of_channel(std::vector<std::string> units);
 /// Back from the text: a unit for each component.
 std::vector<std::string> units_of_components(const std::string& unit, std::size_t components);
 
+/// What a name means among channels: one of them with all its components ("bodies/bus/rate"), or one component of it ("bodies/bus/rate.y");
+/// the path may have dots too. Throws InputError C0208 with all legal names, of `file` (empty: of none).
+struct ChannelPart {
+  std::string channel;
+  std::vector<std::size_t> components;
+};
+ChannelPart part_of_channel(const std::string& name, const std::vector<std::string>& channels,
+                            const std::function<std::vector<std::string>(const std::string& channel)>& components_of,
+                            const std::string& file);
+
 /// The times and those channels for which `wanted` is true (all of them without it) of results or of a file of their layout (/time,
 /// /channels/..., docs/results.md). Throws InputError C0702 for a file that is damaged or cut short, and for a channel with other rows than
 /// /time has: of a run that was killed the rows that all channels have are read.

@@ -105,7 +105,7 @@ std::string line_of(const CampaignRun& run) {
                      reason.substr(0, reason.find('\n')));
 }
 
-std::string campaign_text(const std::vector<CampaignRun>& runs, const std::vector<Quantity>& quantities) {
+std::string campaign_text(const std::vector<CampaignRun>& runs, const std::vector<Quantity>& quantities, const std::vector<Band>& bands) {
   const Counts n = counts_of(runs);
   std::string out;
   const auto section = [&](const char* title, Quantity::Kind kind) {
@@ -131,6 +131,12 @@ std::string campaign_text(const std::vector<CampaignRun>& runs, const std::vecto
   section("drawn", Quantity::Kind::drawn);
   section("checks", Quantity::Kind::check);
   section("figures", Quantity::Kind::figure);
+  if (!bands.empty()) out += fmt::format("\n{:<44}{:>11}{:>11}{:>11}\n", "over time: at the end", "5 %", "median", "95 %");
+  for (const Band& b : bands)
+    out += fmt::format(
+        "  {:<42}{:>11.4g}{:>11.4g}{:>11.4g}\n      least {:.4g} at {:.4g} s with seed {}, most {:.4g} at {:.4g} s with seed {}\n",
+        with_unit(b.name, b.unit), b.p05.back(), b.median.back(), b.p95.back(), b.lowest.value, b.lowest.t, runs[b.lowest.run].seed,
+        b.highest.value, b.highest.t, runs[b.highest.run].seed);
   const bool differ = std::ranges::any_of(
       quantities, [](const Quantity& q) { return std::ranges::adjacent_find(q.values, std::not_equal_to()) != q.values.end(); });
   if (n.passed + n.failed > 1 && !quantities.empty() && !differ)
@@ -167,7 +173,8 @@ std::string campaign_csv(const std::vector<CampaignRun>& runs, const std::vector
   return out;
 }
 
-Json campaign_json(const Json& about, const std::vector<CampaignRun>& runs, const std::vector<Quantity>& quantities) {
+Json campaign_json(const Json& about, const std::vector<CampaignRun>& runs, const std::vector<Quantity>& quantities,
+                   const std::vector<Band>& bands) {
   const Counts n = counts_of(runs);
   Json rows = Json::array(), numbers = Json::array();
   for (const CampaignRun& run : runs)
@@ -208,6 +215,21 @@ Json campaign_json(const Json& about, const std::vector<CampaignRun>& runs, cons
                        {"seeds", std::move(seeds)},
                        {"values", q.values}});
   }
+  Json over_time = Json::array();
+  for (const Band& b : bands) {
+    const auto extreme = [&](const Band::Extreme& x) { return Json{{"value", x.value}, {"t_s", x.t}, {"seed", runs[x.run].seed}}; };
+    over_time.push_back({{"name", b.name},
+                         {"unit", b.unit},
+                         {"lowest", extreme(b.lowest)},
+                         {"highest", extreme(b.highest)},
+                         {"t_s", b.t},
+                         {"runs", b.runs},
+                         {"least", b.least},
+                         {"p05", b.p05},
+                         {"median", b.median},
+                         {"p95", b.p95},
+                         {"most", b.most}});
+  }
   Json out = {{"cardan_campaign", 1}};
   out.update(about);
   out.update({{"confidence", kConfidence},
@@ -218,6 +240,7 @@ Json campaign_json(const Json& about, const std::vector<CampaignRun>& runs, cons
               {"share_that_passes_at_least", n.run > 0 ? share_at_least(n.passed, n.run, kConfidence) : 0.0},
               {"share_below_largest_at_least", share_below_largest(n.passed + n.failed, kConfidence)},
               {"quantities", std::move(numbers)},
+              {"bands", std::move(over_time)},
               {"runs", std::move(rows)}});
   return out;
 }

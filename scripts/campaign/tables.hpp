@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "core/io/json.hpp"
+#include "scripts/campaign/bands.hpp"
 #include "scripts/campaign/campaign.hpp"
 #include "scripts/campaign/statistics.hpp"
 
@@ -30,11 +31,12 @@ std::vector<std::pair<std::size_t, double>> drivers_of(std::size_t of, const std
 
 /// A line of a run: its seed, what became of it, and of a run that did not pass why.
 std::string line_of(const CampaignRun& run);
-std::string campaign_text(const std::vector<CampaignRun>& runs, const std::vector<Quantity>& quantities);
+std::string campaign_text(const std::vector<CampaignRun>& runs, const std::vector<Quantity>& quantities, const std::vector<Band>& bands);
 /// A row for each run: seed, verdict, end, times, then each quantity with its unit. Text in quotes (RFC 4180); empty where a run has it
 /// not.
 std::string campaign_csv(const std::vector<CampaignRun>& runs, const std::vector<Quantity>& quantities);
 /// about: facts that stand at its beginning.
-Json campaign_json(const Json& about, const std::vector<CampaignRun>& runs, const std::vector<Quantity>& quantities);
+Json campaign_json(const Json& about, const std::vector<CampaignRun>& runs, const std::vector<Quantity>& quantities,
+                   const std::vector<Band>& bands);
 
 }  // namespace cardan

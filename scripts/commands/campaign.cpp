@@ -5,6 +5,7 @@
 
 #include <filesystem>
 #include <limits>
+#include <sstream>
 #include <thread>
 #include <tuple>
 
@@ -12,7 +13,9 @@
 #include "core/base/version.hpp"
 #include "core/io/result_folder.hpp"
 #include "core/io/sha256.hpp"
+#include "core/sim/outputs.hpp"
 #include "scripts/bindings/open.hpp"
+#include "scripts/campaign/bands.hpp"
 #include "scripts/campaign/tables.hpp"
 #include "scripts/commands/commands.hpp"
 #include "scripts/commands/interrupt.hpp"
@@ -36,6 +39,7 @@ struct CampaignArguments {
   std::optional<double> until;
   int runs = 0, jobs = 0;
   bool lean = false;
+  std::vector<std::string> plots;
 };
 
 /// SHA-256 of the program and of all texts and files that the scenario is made of, of what the command line changes in it.
@@ -60,6 +64,18 @@ std::vector<std::string> words_of_run(const CampaignArguments& a, const std::vec
   return words;
 }
 
+/// `plots`: channels with commas between them, as of `cardan report`.
+BandRequest request_of(const std::vector<std::string>& plots, const MissionSpec& mission, double duration) {
+  const auto [numerator, denominator] = mission.output_period;
+  BandRequest out{.channels = {}, .period = static_cast<double>(numerator) / static_cast<double>(denominator), .duration = duration};
+  for (const std::string& plot : plots) {
+    if (plot.empty()) out.channels.emplace_back();  // which is refused
+    std::istringstream names(plot);
+    for (std::string name; std::getline(names, name, ',');) out.channels.push_back(name);
+  }
+  return out;
+}
+
 int campaign(const CampaignArguments& a, bool as_json) {
   Campaign c;
   std::tie(c.shard, c.shards) = shard_of(a.shard);
@@ -74,6 +90,10 @@ int campaign(const CampaignArguments& a, bool as_json) {
   options.print = [](std::string_view) {};
   const auto scenario = open_scenario(options);  // what is wrong with it is told here, before any run
   scenario->sim->vdot();
+  const BandRequest request = request_of(a.plots, scenario->mission, a.until.value_or(scenario->mission.duration));
+  if (a.lean && !a.plots.empty())
+    refuse(Code::command_line, {"--plot"}, "the run.h5 of all runs", "--lean, which keeps none of runs that pass");
+  expect_channels(request, channels_of(mission_outputs(*scenario)));
   const RunHeader header = run_header(*scenario);
   c.input = input_of(header, until);
   const fs::path folder = fs::absolute(scenario->file).lexically_normal().parent_path().filename();
@@ -105,6 +125,7 @@ int campaign(const CampaignArguments& a, bool as_json) {
   if (done < runs.size())
     say(fmt::format("{} of {} runs were ended from outside: the same command makes them again\n", runs.size() - done, runs.size()));
   const std::vector<Quantity> quantities = quantities_of(runs);
+  const std::vector<Band> bands = bands_of(request, runs);
   const std::string title = scenario->mission.title.empty() ? folder.string() : scenario->mission.title;
   const Json about = {{"title", title},
                       {"scenario", a.scenario.file},
@@ -113,7 +134,7 @@ int campaign(const CampaignArguments& a, bool as_json) {
                       {"input", c.input},
                       {"first_seed", c.first},
                       {"runs_planned", c.runs}};
-  const Json all = campaign_json(about, runs, quantities);
+  const Json all = campaign_json(about, runs, quantities, bands);
   const ResultFolder out(c.out, {kJson, kTable, kPage});
   std::vector<Diagnostic> unwritten;
   for (const auto& [name, text] : {std::pair{kJson, json_text_with_nulls(all)},
@@ -124,7 +145,7 @@ int campaign(const CampaignArguments& a, bool as_json) {
     } catch (const InputError& e) {
       unwritten.push_back(e.diagnostics().front());
     }
-  say(campaign_text(runs, quantities));
+  say(campaign_text(runs, quantities, bands));
   say(fmt::format("{}\n", (out / kPage).string()));
   const bool passed = std::ranges::all_of(runs, [](const CampaignRun& run) { return run.verdict == "passed"; });
   const int code = !unwritten.empty() ? kNotWritten : passed ? 0 : 1;
@@ -150,6 +171,12 @@ void add_campaign(CommandLine& line) {
   command.option("--shard", a->shard, "The i-th of n parts of the runs alone, as machines share them that see one folder: 2/3")
       .type_name("I/N");
   command.option("--until", a->until, "End of each run in s, instead of the mission's duration").type_name("SECONDS");
+  command
+      .option(
+          "--plot", a->plots,
+          "Also how these channels spread over time: a channel (bodies/bus/rate), a component of it (bodies/bus/rate.y), or several with "
+          "commas between them; may be repeated. Of runs that are there too")
+      .type_name("CHANNELS");
   command.flag("--lean", a->lean, "Of runs that pass keep no run.h5: `cardan run --seed` makes it anew, with the same bits");
   command
       .option("--out", a->out, "Folder of campaign.html, .csv and .json, and of the runs; default: out/<folder of the scenario>_campaign")

@@ -88,7 +88,8 @@ RunEnding ending_of_run(const RunningProgram& process, const ChildLimits& limits
     case ChildEnd::How::ended:
       out.exit_code = end.status;
       if (end.status == 0 || end.status == 1) break;
-      if (says("N0205") || says("C0802")) {
+      // A plugin that found no memory is named by what it threw.
+      if (says("N0205") || says("C0802") || (says("N0503") && out.complaints.front().ends_with("std::bad_alloc"))) {
         out.how = RunEnding::How::out_of_memory;
         out.text = fmt::format("more than {} MiB of memory", limits.memory >> 20);
       } else {

@@ -50,6 +50,28 @@ function scatter(q, driver) {
              text((kLeft + right) / 2, bottom + 28, p.name + (p.unit === "1" ? "" : ` [${pretty(p.unit)}]`), "middle"));
 }
 
+/// A channel over time: from the least to the largest of the runs, from 5 % to 95 % of them, and the median.
+function band(b) {
+  const right = kWidth - kRight, bottom = kHeight - kBottom, low = b.lowest.value, high = b.highest.value, [begin, end] = [b.t_s[0], b.t_s.at(-1)];
+  const x = (t) => kLeft + (end > begin ? (t - begin) / (end - begin) : 0.5) * (right - kLeft), y = (v) => bottom - (high > low ? (v - low) / (high - low) : 0.5) * (bottom - kTop);
+  const points = (of) => b.t_s.map((t, i) => `${x(t).toFixed(1)} ${y(of[i]).toFixed(1)}`);
+  const between = (lower, upper, opacity, title) => svg("path", { d: `M${points(lower).concat(points(upper).reverse()).join("L")}Z`, fill: style("--accent"), opacity, class: "band" }, svg("title", {}, title));
+  const text = (px, py, content, anchor) => svg("text", { x: px, y: py, "text-anchor": anchor, fill: style("--muted"), "font-size": 11 }, content);
+  return svg("svg", { viewBox: `0 0 ${kWidth} ${kHeight}`, role: "img", "aria-label": `${b.name} over time`, style: "display:block;width:100%;height:auto;max-height:15rem" },
+             between(b.least, b.most, 0.2, "all runs"), between(b.p05, b.p95, 0.35, "9 of 10 runs"),
+             svg("path", { d: `M${points(b.median).join("L")}`, fill: "none", stroke: style("--ink"), "stroke-width": 1.4 }, svg("title", {}, "median")),
+             svg("path", { d: `M${kLeft} ${kTop}V${bottom}H${right}`, fill: "none", stroke: style("--line") }),
+             text(kLeft - 5, kTop + 9, number(high, 3), "end"), text(kLeft - 5, bottom, number(low, 3), "end"),
+             text(kLeft, bottom + 15, number(begin), "start"), text(right, bottom + 15, number(end), "end"), text((kLeft + right) / 2, bottom + 28, "time [s]", "middle"));
+}
+function bands() {
+  if (!data.bands.length) return [];
+  const most = (b) => Math.max(...b.runs), least = (b) => Math.min(...b.runs);
+  const told = (b) => `${most(b)} runs` + (least(b) < most(b) ? `, ${b.runs.at(-1)} at the end` : "") + `; least ${number(b.lowest.value)} at ${number(b.lowest.t_s)} s (seed ${b.lowest.seed}), most ${number(b.highest.value)} at ${number(b.highest.t_s)} s (seed ${b.highest.seed})`;
+  return [element("h2", "Over time"), element("p.note", "Dark: 9 of 10 runs at each time, from 5 % to 95 %; light: all; the line is the median."),
+          element("div.grid", data.bands.map((b) => element("figure", element("figcaption", element("b", b.name + (b.unit === "1" ? "" : ` [${pretty(b.unit)}]`)), element("span", told(b))), band(b))))];
+}
+
 const seedOf = (end) => [number(end.value), element("small", `seed ${end.seed}`)];
 function statistics(kind, title) {
   const mine = quantities.filter((q) => q.kind === kind);
@@ -84,7 +106,7 @@ document.getElementById("page").append(
           card(`of all runs pass, with ${percent(data.confidence)} confidence`, `≥ ${percent(data.share_that_passes_at_least)}`),
           card("of all runs stay below the largest number, likewise", `≥ ${percent(data.share_below_largest_at_least)}`),
           card("processor time", ...withUnit(runs.reduce((sum, r) => sum + r.cpu_s, 0), "s"))),
-  ...statistics("check", "Checks"), ...statistics("figure", "Figures"), ...statistics("drawn", "What chance sets"),
+  ...statistics("check", "Checks"), ...statistics("figure", "Figures"), ...bands(), ...statistics("drawn", "What chance sets"),
   element("h2", "Runs that did not pass"),
   bad.length ? table(["seed", "verdict", "why", "simulated [s]", "results"], bad.slice(0, 1000).map((r) => row(cell(String(r.seed)), element("td.verdict.fail", r.verdict), element("td.text", r.why), cell(number(r.simulated_s)), element("td", r.results))))
              : element("p.note", "None."),
@@ -94,6 +116,7 @@ draw();
 // "#selftest" tells in the document what was drawn.
 if (location.hash === "#selftest") {
   document.body.dataset.bins = document.querySelectorAll("rect.bin").length;
+  document.body.dataset.bands = document.querySelectorAll("path.band").length;
   document.body.dataset.dots = document.querySelectorAll("circle.dot").length;
   document.body.dataset.rows = document.querySelectorAll("tbody tr").length;
 }

@@ -38,33 +38,13 @@ struct Point {
 /// Not a NaN, not infinite, and so far from it that differences are neither.
 bool is_drawn(double x) { return std::abs(x) < 1e300; }
 
-/// A channel and, for one component of it, its place; the path may have dots too.
-std::pair<std::string, std::vector<std::size_t>> found(const Hdf5File& file, const std::string& name) {
-  const auto all = file.datasets("/channels");
-  const auto refuse_among = [&](const std::string& of, std::vector<std::string> legal) {
-    std::string list;
-    for (const std::string& one : legal) list += (list.empty() ? "" : ", ") + one;
-    refuse(Code::unknown_name, {of, {file.file_name()}}, "one of: " + list, '"' + name + '"', did_you_mean(name, legal));
-  };
-  const auto whole = [&](const std::string& path) { return std::find(all.begin(), all.end(), "/channels/" + path) != all.end(); };
-  const auto dot = name.rfind('.');
-  const std::string path = whole(name) || dot == std::string::npos ? name : name.substr(0, dot);
-  if (!whole(path)) {
-    std::vector<std::string> legal;
-    for (const std::string& one : all) legal.push_back(one.substr(10));
-    refuse_among("/channels", legal);
-  }
-  const auto components = file.texts_attribute("/channels/" + path, "components");
-  std::vector<std::size_t> places;
-  for (std::size_t k = 0; k < components.size(); ++k)
-    if (path == name || components[k] == name.substr(dot + 1)) places.push_back(k);
-  if (places.empty()) refuse_among("/channels/" + path, components);
-  return {"/channels/" + path, places};
-}
-
 std::vector<Line> lines_of(const Hdf5File& file, const std::string& name, std::size_t& rows) {
-  const auto [path, places] = found(file, name);
-  const auto components = file.texts_attribute(path, "components");
+  std::vector<std::string> channels;
+  for (const std::string& one : file.datasets("/channels")) channels.push_back(one.substr(10));
+  const auto components_of = [&](const std::string& channel) { return file.texts_attribute("/channels/" + channel, "components"); };
+  const auto [channel, places] = part_of_channel(name, channels, components_of, file.file_name());
+  const std::string path = "/channels/" + channel;
+  const auto components = components_of(channel);
   const auto data = file.read_doubles(path);
   if (data.shape.size() != 2 || data.shape[1] != components.size())
     bad_content(file, path, "as many columns as components have names", "others");
@@ -72,7 +52,6 @@ std::vector<Line> lines_of(const Hdf5File& file, const std::string& name, std::s
   const auto units = units_of_components(file.text_attribute(path, "unit"), components.size());
   std::vector<Line> out;
   for (const std::size_t k : places) {
-    const std::string channel = path.substr(10);
     Line line{components.size() == 1 ? channel : channel + "." + components[k], units[k], {}};
     for (std::size_t row = 0; row < data.shape[0]; ++row) line.values.push_back(data.values[row * components.size() + k]);
     out.push_back(std::move(line));

@@ -194,6 +194,46 @@ TEST_F(CampaignOf, WhatAnotherKeepsFromRunningIsMadeAgain) {
   EXPECT_EQ(results()["without_end"], 0);
 }
 
+/// a_0 cos(w t) of each run, as long as it goes on: sorted anew here at each time.
+TEST_F(CampaignOf, ChannelsSpreadOverTime) {
+  ASSERT_LE(campaign({"--runs", "30"}).exit_code, 1);
+  const Finished run = campaign({"--runs", "30", "--plot", "hinges/panel/angle,hinges/panel/rate"});  // of what is there
+  ASSERT_LE(run.exit_code, 1) << run.err;
+  EXPECT_TRUE(has(run.out, "30 of 30 runs were there already") && has(run.out, "hinges/panel/angle [rad]")) << run.out;
+  const json k = quantity("stiffness"), inertia = quantity("inertia"), stowed = quantity("stowed"), end = quantity("out in time");
+  const json bands = results()["bands"];
+  ASSERT_EQ(bands.size(), 2u);
+  const json& angle = bands[0];
+  EXPECT_EQ(angle["name"], "hinges/panel/angle");
+  EXPECT_EQ(angle["unit"], "rad");
+  double highest = 0.0, last = 0.0;
+  for (std::size_t i = 0; i < angle["t_s"].size(); ++i) {
+    const double t = last = angle["t_s"][i];
+    EXPECT_EQ(t, 0.5 * static_cast<double>(i));
+    std::vector<double> there;
+    for (std::size_t r = 0; r < 30; ++r)
+      if (t < end["values"][r].get<double>())
+        there.push_back(stowed["values"][r].get<double>() *
+                        std::cos(std::sqrt(k["values"][r].get<double>() / (12 * 0.9 * 0.9 + inertia["values"][r].get<double>())) * t));
+    const Distribution d = distribution_of(there);
+    EXPECT_EQ(angle["runs"][i], there.size()) << t;
+    for (const auto& [name, value] : {std::pair{"least", d.least}, {"p05", d.p05}, {"median", d.median}, {"p95", d.p95}, {"most", d.most}})
+      EXPECT_NEAR(angle[name][i].get<double>(), value, 1e-8) << name << " at " << t;
+    highest = std::max(highest, d.most);
+  }
+  EXPECT_LT(last, end["most"]["value"]);
+  EXPECT_GT(last + 0.5, end["most"]["value"]);
+  EXPECT_NEAR(angle["highest"]["value"].get<double>(), highest, 1e-8);
+  EXPECT_EQ(angle["highest"]["seed"], stowed["most"]["seed"]);  // at t = 0
+  EXPECT_EQ(angle["highest"]["t_s"], 0.0);
+  const Finished wrong = campaign({"--runs", "31", "--plot", "hinges/panel/angel"});
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_TRUE(has(wrong.err, "did you mean \"hinges/panel/angle\"?")) << wrong.err;
+  EXPECT_FALSE(fs::exists(dir_ / "c/seed_31")) << "before any run";
+  EXPECT_EQ(campaign({"--runs", "31", "--plot", ""}).exit_code, 2);
+  EXPECT_EQ(campaign({"--runs", "31", "--plot", "hinges/panel/angle", "--lean"}).exit_code, 2);
+}
+
 TEST_F(CampaignOf, AnInterruptedOneGoesOn) {
   use(R"(parameters { a = { 0, normal = 1 } }
 vehicle "vehicle.yaml"
