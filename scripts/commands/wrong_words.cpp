@@ -78,9 +78,13 @@ Diagnostic wrong_words(const CommandLine& line, const Command* chosen, const std
   std::string words;  // of the command: those by their place, and what it cannot be without
   for (const DeclaredArgument& a : chosen ? chosen->arguments() : std::vector<DeclaredArgument>()) {
     if (a.positional() || a.required) words += (a.positional() ? " " : " " + a.names.back() + " ") + a.type;
-    for (const std::string& name : a.names)  // CLI11 names an option before it says what is wrong with it
+    for (const std::string& name : a.names) {  // CLI11 names an option before it says what is wrong with it
       if (a.takes_value && why.starts_with(name + ": ") && why.find(" required ") != std::string::npos)
         return Diagnostic{Code::command_line, {name}, "one value: " + a.type, why.ends_with(" missing") ? "none" : "several", more};
+      const std::string value_of_flag = "Could not convert: " + name + " = ";
+      if (!a.takes_value && why.starts_with(value_of_flag))
+        return Diagnostic{Code::command_line, {name}, "no value", in_quotes(why.substr(value_of_flag.size())), more};
+    }
   }
   constexpr std::string_view kMissing = " is required";
   if (why.ends_with(kMissing))

@@ -123,6 +123,7 @@ TEST(CommandLine, SaysWhatIsMissing) {
       {{"run", "x", "--until"}, "  at: --until\n  expected: one value: SECONDS\n  got:      none\n  hint:     cardan help run\n"},
       {{"run", "x", "--until", "1", "--until", "2"}, "  at: --until\n  expected: one value: SECONDS\n  got:      several\n"},
       {{"run", "x", "--set"}, "  at: --set\n  expected: one value: KEY=VALUE\n  got:      none\n"},
+      {{"run", "x", "--quiet=maybe"}, "  at: --quiet\n  expected: no value\n  got:      \"maybe\"\n  hint:     cardan help run\n"},
       {{"campaign", "x"}, "  expected: cardan campaign SCENARIO --runs N:1 to 1000000\n  got:      no --runs\n"},
       {{"new", "hinge"}, "  expected: cardan new KIND NAME\n  got:      no name\n  hint:     cardan help new\n"}};
   for (const auto& [words, answer] : answers) EXPECT_TRUE(has(run_program(words, ".").err, answer)) << run_program(words, ".").err;
