@@ -74,7 +74,7 @@ std::string modes_text(const operators::SystemModes& modes) {
     return out;
   };
   const auto n = static_cast<int>(modes.frequency.size());
-  std::string out = fmt::format("{} rigid-body and {} elastic modes{}", modes.n_rigid, n - modes.first_elastic,
+  std::string out = fmt::format("{} rigid-body and {} elastic modes, without weight and preload{}", modes.n_rigid, n - modes.first_elastic,
                                 modes.complete ? "" : "; that none was missed is not certain");
   out += "\n   no      [Hz]  damping  moves (kinetic energy)                              strains";
   for (int j = 0; j < n; ++j)
