@@ -44,6 +44,8 @@ constexpr Symbol kSymbols[] = {
     {"W", 1.0, {2, 1, -3}, true},
     {"Pa", 1.0, {-1, 1, -2}, true},
     {"V", 1.0, {2, 1, -3, -1}, true},
+    {"ohm", 1.0, {2, 1, -3, -2}, true},
+    {"H", 1.0, {2, 1, -2, -2}, true},
     {"T", 1.0, {0, 1, -2, -1}, true},
     {"%", 1e-2, {}, false},
     {"1", 1.0, {}, false},
@@ -93,7 +95,8 @@ constexpr NamedDimension kNamed[] = {
     {"gravitational parameter", "m^3/s^2", {3, 0, -2}},
     {"current", "A", {0, 0, 0, 1}},
     {"voltage", "V", {2, 1, -3, -1}},
-    {"resistance", "V/A", {2, 1, -3, -2}},
+    {"resistance", "ohm", {2, 1, -3, -2}},
+    {"inductance", "H", {2, 1, -2, -2}},
     {"magnetic field", "T", {0, 1, -2, -1}},
     {"magnetic moment", "A m^2", {2, 0, 0, 1}},
     {"strength of a dipole", "T m^3", {3, 1, -2, -1}},
@@ -120,10 +123,11 @@ Unit multiply(const Unit& a, const Unit& b, int power) {
 struct Sign {
   std::string_view printed, ascii;
 };
-constexpr Sign kSigns[] = {{"\u00B7", "*"},  {"\u22C5", "*"},   {"\u2219", "*"},         {"\u00D7", "*"},         {"\u00A0", " "},
-                           {"\u202F", " "},  {"\u00B0", "deg"}, {"\u2032", "arcmin"},    {"\u2033", "arcsec"},    {"\u00B5", "u"},
-                           {"\u03BC", "u"},  {"\u2212", "-"},   {"\u207B\u00B9", "^-1"}, {"\u207B\u00B2", "^-2"}, {"\u207B\u00B3", "^-3"},
-                           {"\u00B2", "^2"}, {"\u00B3", "^3"},  {"\u2074", "^4"}};
+constexpr Sign kSigns[] = {{"\u00B7", "*"},         {"\u22C5", "*"},  {"\u2219", "*"},         {"\u00D7", "*"},
+                           {"\u00A0", " "},         {"\u202F", " "},  {"\u00B0", "deg"},       {"\u2032", "arcmin"},
+                           {"\u2033", "arcsec"},    {"\u00B5", "u"},  {"\u03A9", "ohm"},       {"\u2126", "ohm"},
+                           {"\u03BC", "u"},         {"\u2212", "-"},  {"\u207B\u00B9", "^-1"}, {"\u207B\u00B2", "^-2"},
+                           {"\u207B\u00B3", "^-3"}, {"\u00B2", "^2"}, {"\u00B3", "^3"},        {"\u2074", "^4"}};
 
 std::string ascii_notation(std::string_view text) {
   std::string out;
@@ -258,6 +262,7 @@ constexpr Word kWords[] = {{"metre", "m", ""},
                            {"watt", "W", ""},
                            {"pascal", "Pa", ""},
                            {"volt", "V", ""},
+                           {"henry", "H", ""},
                            {"percent", "%", ""},
                            {"kph", "km/h", ""},
                            {"kmh", "km/h", ""},

@@ -92,9 +92,16 @@ void choose_frames(Model& m, std::vector<Central>& central) {
   const int n = static_cast<int>(m.bodies.size());
   m.axis_bodies.resize(m.bodies.size());
   const Groups outboard(m.bodies, &SweepBody::parent, n), carried(m.user, &UserBody::sweep, n);  // by sweep body
+  // The frame slides along the axis to where that passes the inboard origin. From ground that may be an orbit's radius: about such a place
+  // the inertia of the body is round-off.
+  const auto stays_near = [&](const SweepBody& b) {
+    const double slide = to_eigen(b.O.R * b.axis).dot(to_eigen(b.O.p));
+    return b.parent != 0 || b.M.m * slide * slide <= 1e8 * (b.M.J.xx + b.M.J.yy + b.M.J.zz);
+  };
   const auto served = [&](int k) {
     const SweepBody& b = m.bodies[k];
-    return b.shape == CARDAN_SHAPE_ROTATION && b.n_modes == 0 && b.onode < 0 && !b.has_prescribed && (m.varies.empty() || !m.varies[k]);
+    return b.shape == CARDAN_SHAPE_ROTATION && b.n_modes == 0 && b.onode < 0 && !b.has_prescribed && (m.varies.empty() || !m.varies[k]) &&
+           stays_near(b);
   };
   const auto slides = [&](int k) {
     const SweepBody& b = m.bodies[k];

@@ -12,8 +12,8 @@
 namespace cardan {
 namespace {
 
-enum TouchingShape { kBallShape, kPads, kRod, kRing, kBox, kPlane, kCone };
-constexpr const char* kShapeNames[] = {"sphere", "pads", "capsule", "ring", "box", "plane", "cone"};
+enum TouchingShape { kBallShape, kPads, kRod, kRing, kBox, kPlane, kCone, kWheel };
+constexpr const char* kShapeNames[] = {"sphere", "pads", "capsule", "ring", "box", "plane", "cone", "wheel"};
 constexpr int kMostBalls = 16, kMostTouches = 4 * kMostBalls;  // a ring feels both sides of another one, and the other way round
 
 /// Can balls on the one feel the other?
@@ -68,19 +68,20 @@ struct Contact {
     double stiffness, exponent, dissipation, friction, width, deepest;
   };
 
-#define CARDAN_SIDE(side)                                                                                                     \
-  param::named(param::required(side "_shape", CARDAN_CHOICE, "1", "what it is there"), kShapeNames),                          \
-      param::not_negative(                                                                                                    \
-          param::optional(side "_radius", CARDAN_NUMBER, "m", "of the sphere, the pads, the capsule, the ring, the cone")),   \
-      param::not_negative(param::optional(side "_end_radius", CARDAN_NUMBER, "m", "of the cone at its other end; 0: a tip")), \
-      param::not_negative(param::optional(side "_tube", CARDAN_NUMBER, "m", "radius of what the ring is bent of")),           \
-      param::not_negative(                                                                                                    \
-          param::optional(side "_length", CARDAN_NUMBER, "m", "of the capsule or the cone, along its axis from the node")),   \
-      param::along(param::optional(side "_axis", CARDAN_UNIT_VECTOR, "1",                                                     \
-                                   "of the capsule, the ring, the cone; of the plane: outwards; axes of the node"),           \
-                   0, 0, 1),                                                                                                  \
-      param::not_negative(param::optional(side "_size", CARDAN_VECTOR, "m", "edges of the box, the node in its middle")),     \
-      param::optional(side "_points", CARDAN_VECTORS, "m", "middles of the pads, at most 16; axes of the node"),              \
+#define CARDAN_SIDE(side)                                                                                                              \
+  param::named(param::required(side "_shape", CARDAN_CHOICE, "1", "what it is there"), kShapeNames),                                   \
+      param::not_negative(                                                                                                             \
+          param::optional(side "_radius", CARDAN_NUMBER, "m", "of the sphere, the pads, the capsule, the ring, the cone, the wheel")), \
+      param::not_negative(param::optional(side "_end_radius", CARDAN_NUMBER, "m", "of the cone at its other end; 0: a tip")),          \
+      param::not_negative(                                                                                                             \
+          param::optional(side "_tube", CARDAN_NUMBER, "m", "radius of what the ring is bent of, and of the rim of the wheel")),       \
+      param::not_negative(                                                                                                             \
+          param::optional(side "_length", CARDAN_NUMBER, "m", "of the capsule or the cone, along its axis from the node")),            \
+      param::along(param::optional(side "_axis", CARDAN_UNIT_VECTOR, "1",                                                              \
+                                   "of the capsule, the ring, the cone, the wheel; of the plane: outwards; axes of the node"),         \
+                   0, 0, 1),                                                                                                           \
+      param::not_negative(param::optional(side "_size", CARDAN_VECTOR, "m", "edges of the box, the node in its middle")),              \
+      param::optional(side "_points", CARDAN_VECTORS, "m", "middles of the pads, at most 16; axes of the node"),                       \
       param::in_range(param::optional(side "_samples", CARDAN_INTEGER, "1", "balls that the ring is felt by", 12.0), 3.0, kMostBalls)
   static constexpr cardan_param_desc schema[] = {
       CARDAN_SIDE("from"),
@@ -149,7 +150,7 @@ struct Contact {
 
   static bool refuse_pair(const Params& params, int from) {
     std::string fitting;
-    for (int s = 0; s <= kCone; ++s)
+    for (int s = 0; s <= kWheel; ++s)
       if (feels(from, s) || feels(s, from)) fitting += (fitting.empty() ? "" : ", ") + std::string(kShapeNames[s]);
     return params.fail("to_shape", ("what can touch a " + std::string(kShapeNames[from]) + ": " + fitting).c_str(), nullptr,
                        "edges and flat faces are felt by `pads` on them, a rim by a `ring`; several contacts may stand side by side");
@@ -190,6 +191,10 @@ struct Contact {
         }
         return need("radius", s.radius, "a radius > 0 of a ");
       }
+      case kWheel:  // its one ball goes where the rim is lowest
+        s.ball = number("tube");
+        add(Eigen::Vector3d::Zero());
+        return need("radius", s.radius, "a radius > 0 of a ");
       case kBox:
         s.ball = 0.0;
         for (int i = 0; i < 8; ++i)
@@ -258,6 +263,14 @@ struct Contact {
     on_a = a + s * along_a, on_b = b + t * along_b;
   }
 
+  /// From the middle of a wheel to the lowest place of its circle over a plane with this normal; of one that lies flat some place.
+  template <class T>
+  static Vec3<T> lowest(const Side& s, const MountMotion<T>& at, const Vec3<T>& n) {
+    const Vec3<T> u = at.R_WN * vector_of<T>(s.axis), down = dot(n, u) * u - n;
+    const T length = length_of(down);
+    return length > T(0.0) ? (T(s.radius) / length) * down : T(s.radius) * (at.R_WN * vector_of<T>(s.across));
+  }
+
   /// take(index, touch) at all places, always the same ones in the same order.
   template <class T, class Take>
   static void each_touch(const Packed& p, const DeviceIn<T>& in, const Take& take) {
@@ -282,9 +295,10 @@ struct Contact {
       const MountMotion<T>&of_balls = in.at[i], &of_surface = in.at[1 - i];
       const double share = (balls.shape == kRing ? 1.0 / balls.n_balls : 1.0) * (both ? 0.5 : 1.0);
       for (int k = 0; k < balls.n_balls; ++k) {
-        const Vec3<T> middle = of_balls.position + of_balls.R_WN * vector_of<T>(balls.at[k]);
+        Vec3<T> middle = of_balls.position + of_balls.R_WN * vector_of<T>(balls.at[k]);
         if (surface.shape == kPlane) {
           const Vec3<T> n = of_surface.R_WN * vector_of<T>(surface.axis);
+          if (balls.shape == kWheel) middle += lowest(balls, of_balls, n);
           const T height = dot(n, middle - of_surface.position);
           take(index++, Touch<T>{n, middle - (T(0.5) * (height + T(balls.ball))) * n, T(balls.ball) - height, i, share});
           continue;

@@ -16,8 +16,8 @@ struct DcMotor {
   };
   static constexpr cardan_param_desc schema[] = {
       param::positive(param::required("constant", CARDAN_NUMBER, "N m/A", "torque over current, and voltage over rate")),
-      param::positive(param::required("resistance", CARDAN_NUMBER, "V/A", "of the winding")),
-      param::positive(param::required("inductance", CARDAN_NUMBER, "V s/A", "of the winding")),
+      param::positive(param::required("resistance", CARDAN_NUMBER, "ohm", "of the winding")),
+      param::positive(param::required("inductance", CARDAN_NUMBER, "H", "of the winding")),
       param::positive(param::optional("gear", CARDAN_NUMBER, "1", "turns of the motor for one of the hinge", 1.0))};
   static constexpr cardan_mount_desc mounts[] = {
       {"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD | CARDAN_USE_TURN, "a component of a hinge that turns"}};

@@ -14,12 +14,15 @@ struct MomentumWheel {
   static constexpr unsigned facts = CARDAN_FACT_ENERGY;
   static constexpr unsigned role = CARDAN_ROLE_ACTUATOR;
   struct Packed {
-    double axis[3], inertia, max_torque, viscous;
+    double axis[3], inertia, max_torque, max_rate, viscous;
   };
   static constexpr cardan_param_desc schema[] = {
       param::along(param::optional("axis", CARDAN_UNIT_VECTOR, "1", "of the spin, node axes"), 0, 0, 1),
       param::positive(param::required("inertia", CARDAN_NUMBER, "kg m^2", "of the rotor about its axis")),
       param::not_negative(param::optional("max_torque", CARDAN_NUMBER, "N m", "of the motor; commands beyond are cut. 0: any")),
+      param::not_negative(
+          param::optional("max_rate", CARDAN_NUMBER, "rad/s",
+                          "up to which the motor drives it, over the last hundredth ever less; it brakes at any rate. 0: any")),
       param::not_negative(param::optional("viscous", CARDAN_NUMBER, "N m s/rad", "friction of its bearings"))};
   static constexpr cardan_mount_desc mounts[] = {
       {"at", CARDAN_MOUNT_NODE, CARDAN_USE_VELOCITY | CARDAN_USE_LOAD, "the node that carries it"}};
@@ -30,7 +33,7 @@ struct MomentumWheel {
 
   static bool pack(const Params& params, Packed& p) {
     const Eigen::Vector3d u = params.vector("axis");
-    p = {{u[0], u[1], u[2]}, params.number("inertia"), params.number("max_torque"), params.number("viscous")};
+    p = {{u[0], u[1], u[2]}, params.number("inertia"), params.number("max_torque"), params.number("max_rate"), params.number("viscous")};
     return true;
   }
 
@@ -40,6 +43,10 @@ struct MomentumWheel {
     const T h = in.z[0], rate = h / T(p.inertia) - dot(u, in.at[0].omega);
     T motor = in.in[0];
     if (p.max_torque > 0.0) motor = motor > T(p.max_torque) ? T(p.max_torque) : motor < T(-p.max_torque) ? T(-p.max_torque) : motor;
+    if (p.max_rate > 0.0 && motor * rate > T(0.0)) {
+      const T left = T(100.0) - (rate > T(0.0) ? rate : T(-rate)) * T(100.0 / p.max_rate);
+      motor = left > T(1.0) ? motor : left > T(0.0) ? T(left * motor) : T(0.0);
+    }
     const T torque = motor - T(p.viscous) * rate;
     out.zdot[0] = torque;
     out.load[0].moment = -(torque * u + cross(in.at[0].omega, h * u));

@@ -2,6 +2,8 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <complex>
+#include <numbers>
 #include <string>
 
 #include "core/linalg/dense.hpp"
@@ -27,6 +29,11 @@ struct Asked {
   MatrixXd matrix(int index, Index rows, Index cols, const char* what) const {
     const MatrixXd A = to_matrix(L, index, rows, cols, fmt::format("{} of {}", what, function));
     if (!A.allFinite()) refuse_it(fmt::format("{}: a matrix of finite numbers", what), "one that is not finite");
+    return A;
+  }
+  MatrixXd square(int index) const {
+    MatrixXd A = matrix(index, kAnySize, kAnySize, "A");
+    if (A.cols() != A.rows()) refuse_it("A: a square matrix", fmt::format("{} x {}", A.rows(), A.cols()));
     return A;
   }
   /// A weight or a density: a symmetric matrix, a list of what stands on its diagonal, or a number for all of that.
@@ -73,9 +80,8 @@ using Solve = std::optional<Riccati> (*)(const MatrixXd&, const MatrixXd&, const
 /// (A, B, Q, R) -> K, X.
 int regulator(lua_State* L, const char* function, Solve solve) {
   const Asked asked{L, function};
-  const MatrixXd A = asked.matrix(1, kAnySize, kAnySize, "A");
+  const MatrixXd A = asked.square(1);
   const Index n = A.rows();
-  if (A.cols() != n) asked.refuse_it("A: a square matrix", fmt::format("{} x {}", n, A.cols()));
   const MatrixXd B = asked.matrix(2, n, kAnySize, "B"), Q = asked.weight(3, n, "Q", false), R = asked.weight(4, B.cols(), "R", true);
   asked.charge(n);
   const auto found = solve(A, B, Q, R);
@@ -93,9 +99,8 @@ int dlqr(lua_State* L) { return regulator(L, "control.dlqr", discrete_riccati); 
 /// (A, C, W, V) -> gain, covariance: the regulator of (A*, C*). In ticks the gain is that of the correction by a reading.
 int filter(lua_State* L, const char* function, Solve solve, bool in_ticks) {
   const Asked asked{L, function};
-  const MatrixXd A = asked.matrix(1, kAnySize, kAnySize, "A");
+  const MatrixXd A = asked.square(1);
   const Index n = A.rows();
-  if (A.cols() != n) asked.refuse_it("A: a square matrix", fmt::format("{} x {}", n, A.cols()));
   const MatrixXd C = asked.matrix(2, kAnySize, n, "C"), W = asked.weight(3, n, "W", false), V = asked.weight(4, C.rows(), "V", true);
   asked.charge(n);
   const auto found = solve(A.transpose(), C.transpose(), W, V);
@@ -122,9 +127,8 @@ double period(lua_State* L, int index, const char* function) {
 /// (A, B, dt, W) -> Ad, Bd, Wd.
 int discretise(lua_State* L) {
   const Asked asked{L, "control.discretise"};
-  const MatrixXd A = asked.matrix(1, kAnySize, kAnySize, "A");
+  const MatrixXd A = asked.square(1);
   const Index n = A.rows();
-  if (A.cols() != n) asked.refuse_it("A: a square matrix", fmt::format("{} x {}", n, A.cols()));
   const MatrixXd B = asked.matrix(2, n, kAnySize, "B");
   const double dt = period(L, 3, asked.function);
   const bool noisy = !lua_isnoneornil(L, 4);
@@ -143,18 +147,44 @@ int discretise(lua_State* L) {
 /// (A, dt): of x' = A x, or with dt of x+ = A x, as the motions that it goes through.
 int poles_of(lua_State* L) {
   const Asked asked{L, "control.poles"};
-  const MatrixXd A = asked.matrix(1, kAnySize, kAnySize, "A");
-  if (A.cols() != A.rows()) asked.refuse_it("A: a square matrix", fmt::format("{} x {}", A.rows(), A.cols()));
+  const MatrixXd A = asked.square(1);
   asked.charge(A.rows());
   push_poles(L, lua_isnoneornil(L, 2) ? operators::poles(A) : operators::poles(A, period(L, 2, asked.function)));
   return 1;
+}
+
+/// (A, B, C, D, frequency, dt) -> gain and phase of C (s - A)^-1 B + D at s = i w, with dt at s = exp(i w dt); (s - A) x = B in real
+/// numbers.
+int response(lua_State* L) {
+  const Asked asked{L, "control.response"};
+  const MatrixXd A = asked.square(1);
+  const Index n = A.rows();
+  const MatrixXd B = asked.matrix(2, n, kAnySize, "B"), C = asked.matrix(3, kAnySize, n, "C");
+  MatrixXd re = lua_isnoneornil(L, 4) ? MatrixXd::Zero(C.rows(), B.cols()) : asked.matrix(4, C.rows(), B.cols(), "D");
+  const double frequency = lua_type(L, 5) == LUA_TNUMBER ? lua_tonumber(L, 5) : std::nan("");
+  if (!(frequency >= 0.0 && std::isfinite(frequency))) asked.refuse_it("frequency: a number not below 0 [Hz]", describe_value(L, 5));
+  const double w = 2.0 * std::numbers::pi * frequency;
+  const std::complex<double> s = lua_isnoneornil(L, 6) ? std::complex(0.0, w) : std::polar(1.0, w * period(L, 6, asked.function));
+  asked.charge(2 * n);
+  MatrixXd both(2 * n, 2 * n), on(2 * n, B.cols());
+  const MatrixXd one = MatrixXd::Identity(n, n);
+  both << s.real() * one - A, -s.imag() * one, s.imag() * one, s.real() * one - A;
+  on << B, MatrixXd::Zero(n, B.cols());
+  const MatrixXd x = lu_solve(both, on).x;
+  if (!x.allFinite()) asked.refuse_it("a frequency at which the system has a response", fmt::format("{} Hz, that of a pole", frequency));
+  re += C * x.topRows(n);
+  const MatrixXd im = C * x.bottomRows(n), gain = re.binaryExpr(im, [](double a, double b) { return std::hypot(a, b); }),
+                 phase = im.binaryExpr(re, [](double a, double b) { return std::atan2(a, b); });
+  for (const MatrixXd& out : {gain, phase}) push_matrix(L, out, names_of(row_labels(L, 3)), names_of(column_labels(L, 2)));
+  return 2;
 }
 
 }  // namespace
 
 void bind_control(Scenario& s) {
   constexpr std::pair<const char*, lua_CFunction> kFunctions[] = {
-      {"lqr", lqr}, {"dlqr", dlqr}, {"kalman", kalman}, {"dkalman", dkalman}, {"discretise", discretise}, {"poles", poles_of}};
+      {"lqr", lqr},        {"dlqr", dlqr},        {"kalman", kalman}, {"dkalman", dkalman}, {"discretise", discretise},
+      {"poles", poles_of}, {"response", response}};
   for (const auto& [name, function] : kFunctions) s.lua.bind(std::string("control.") + name, function);
 }
 

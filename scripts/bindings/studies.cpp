@@ -62,7 +62,8 @@ operators::IkTarget target_of(lua_State* L, LuaTable& t, const Model& m) {
 
 /// A line per mode: what moves, by its share of the kinetic energy, and what is strained, by its share of that energy.
 std::string modes_text(const operators::SystemModes& modes) {
-  constexpr double kNamed = 0.05;  // smaller shares are left out
+  constexpr double kNamed = 0.05;     // smaller shares are left out
+  constexpr double kDamping = 1e-12;  // less is what rounding leaves of other modes
   const auto largest = [](const Eigen::VectorXd& shares, const std::vector<std::string>& names) {
     std::vector<int> order(static_cast<std::size_t>(shares.size()));
     std::iota(order.begin(), order.end(), 0);
@@ -73,12 +74,12 @@ std::string modes_text(const operators::SystemModes& modes) {
     return out;
   };
   const auto n = static_cast<int>(modes.frequency.size());
-  std::string out = fmt::format("{} rigid-body and {} elastic modes{}", modes.n_rigid, n - modes.first_elastic,
+  std::string out = fmt::format("{} rigid-body and {} elastic modes, without weight and preload{}", modes.n_rigid, n - modes.first_elastic,
                                 modes.complete ? "" : "; that none was missed is not certain");
   out += "\n   no      [Hz]  damping  moves (kinetic energy)                              strains";
   for (int j = 0; j < n; ++j)
-    out += fmt::format("\n  {:>3}  {:>8.5g}  {:>7.4g}  {:<50}  {}", j + 1, modes.frequency[j], modes.damping[j],
-                       largest(modes.kinetic.col(j), modes.bodies),
+    out += fmt::format("\n  {:>3}  {:>8.5g}  {:>7.4g}  {:<50}  {}", j + 1, modes.frequency[j],
+                       std::abs(modes.damping[j]) < kDamping ? 0.0 : modes.damping[j], largest(modes.kinetic.col(j), modes.bodies),
                        j < modes.first_elastic ? "-" : largest(modes.strain.col(j), modes.labels.names));
   return out;
 }

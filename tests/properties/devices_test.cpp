@@ -120,6 +120,28 @@ TEST(MomentumWheel, IsARotorOnABearing) {
   EXPECT_TRUE(as_device.ledger().pass);
 }
 
+/// Driven by T it comes to its greatest rate as 1 - exp(-t / tau) / 100, tau = J W_max / (100 T), from 99 % of it on; it is braked by all
+/// of T.
+TEST(MomentumWheel, IsDrivenUpToItsGreatestRate) {
+  const double J = 0.05, T = 0.2, most = 400.0, body = 3.0, reduced = 1.0 / (1.0 / J + 1.0 / body), tau = reduced * most / (100.0 * T);
+  for (const double side : {1.0, -1.0}) {
+    SystemSpec spec = system({on(rigid("bus", 20.0, {0, 0, 0}, diagonal({body, body, body})), "", "free")});
+    DeviceSpec wheel = device("wheel", "momentum_wheel", {{"inertia", J}, {"max_torque", T}, {"max_rate", most}}, {{"at", "bus"}});
+    wheel.inputs["torque"] = {side, {}};
+    spec.devices = {wheel};
+    Simulation sim(compiled(spec), accurate());
+    const double fast = 0.99 * most * reduced / T;  // when it is there
+    sim.run(0.5 * fast);
+    EXPECT_NEAR(sim.device_output(1), 0.5 * 0.99 * most * side, 1e-8);
+    sim.run(fast + 2.0 * tau);
+    EXPECT_NEAR(sim.device_output(1), most * (1.0 - 0.01 * std::exp(-2.0)) * side, 1e-6);
+    const double before = sim.device_output(1);
+    sim.set_device_input(0, -side), sim.run(fast + 3.0 * tau);
+    EXPECT_NEAR(sim.device_output(1), before - side * T / reduced * tau, 1e-6);
+    EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
+  }
+}
+
 /// v' of the sweeps with devices is that of the dense twin with the same loads.
 TEST(Devices, AgreeWithTheDenseTwin) {
   for_all_trees(kAny, 1e-10, [](const RandomTree& tree) {

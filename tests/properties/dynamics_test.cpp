@@ -145,6 +145,22 @@ TEST(Dynamics, InvariantUnderWorldRotation) {
     });
 }
 
+// A vehicle held at an orbit's radius moves as one held at the origin: no inertia is told about a place as far as that from its hinge.
+TEST(Dynamics, InvariantUnderWorldTranslation) {
+  for (const auto kind : {GravitySpec::Kind::none, GravitySpec::Kind::uniform}) {
+    TreeOptions options;
+    options.gravity = kind;
+    for_all_trees(options, kAccelerations, [](const RandomTree& tree) {
+      RandomTree other = tree;
+      for (BodySpec& b : other.spec.bodies)
+        if (b.hinge.inboard_body.empty()) b.hinge.onode_position += Vector3d(7e6, -3e6, 2e6);
+      Loaded a(tree), b(other);
+      const VectorXd va = a.forward(), vb = b.forward();
+      return worse(apart(va, vb), apart(a.node_accelerations(va), b.node_accelerations(vb)));
+    });
+  }
+}
+
 /// The floating tree with another body at its root. Hinges on the way from the old root are turned round: O and P
 /// change places and the axis its sign, so that their coordinates stay.
 RandomTree rooted_at(const RandomTree& tree, const std::string& new_root) {

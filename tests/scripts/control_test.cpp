@@ -58,6 +58,38 @@ check { name = "it moved", value = function() return x:norm() / 2e-6 end, within
   EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
 }
 
+/// A base that is shaken and what stands on it by a spring and a damper: transmissibility (k + i c w) / (k - m w^2 + i c w) [Den Hartog],
+/// from the acceleration of the one to that of the other; and a lag at ticks, (1 - a) / (z - a).
+TEST(Control, TellsWhatComesThrough) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", R"(cardan: 1
+bodies:
+  base: {type: particle, mass: 9, hinge: {type: prismatic, to: world, axis: [0, 0, 1], prescribed: true}}
+  mass: {type: particle, mass: 2, nodes: {top: {}}, hinge: {type: prismatic, to: base, axis: [0, 0, 1], spring: {stiffness: 800, damping: 6}}}
+)");
+  write(dir / "scenario.lua", R"(
+local sat = vehicle "vehicle.yaml"
+mission { duration = 1 }
+local model = sat:linearize { inputs = { "base.rate" }, outputs = { "mass.top:acceleration.z", "base:acceleration.z" } }
+local m, k, c = 2, 800, 6
+for _, f in ipairs { 0.3, 3.1, 3.2, 20 } do
+  local w = 2 * math.pi * f
+  local gain, phase = control.response(model.A, model.B, model.C, model.D, f)
+  local num, den = { k, c * w }, { k - m * w ^ 2, c * w }
+  local known = math.sqrt(num[1] ^ 2 + num[2] ^ 2) / math.sqrt(den[1] ^ 2 + den[2] ^ 2)
+  local lag = math.atan(num[2], num[1]) - math.atan(den[2], den[1])
+  assert(math.abs(gain[1][1] - known) < 1e-12 * known and math.abs(phase[1][1] - lag) < 1e-12, f)
+  assert(math.abs(gain["base:acceleration.z"][1] - 1) < 1e-12 and math.abs(phase[2][1]) < 1e-12, "what is given")
+end
+local a, dt, f = 0.8, 0.01, 7
+local gain, phase = control.response(matrix { { a } }, matrix { { 1 - a } }, matrix { { 1 } }, nil, f, dt)
+local re, im = math.cos(2 * math.pi * f * dt) - a, math.sin(2 * math.pi * f * dt)
+assert(math.abs(gain[1][1] - (1 - a) / math.sqrt(re ^ 2 + im ^ 2)) < 1e-14 and math.abs(phase[1][1] + math.atan(im, re)) < 1e-14)
+)");
+  const Finished run = run_program({"check", "."}, dir.path());
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
 TEST(Control, RefusesWhatHasNoMeaning) {
   struct {
     const char *call, *expected;
@@ -74,6 +106,9 @@ TEST(Control, RefusesWhatHasNoMeaning) {
       {"control.discretise(matrix{{0, 1}, {0, 0}}, matrix{{0}, {1}}, 0)", "dt: a time above 0 [s]"},
       {"control.discretise(matrix{{1e4}}, matrix{{1}}, 1)", "a system that stays within the range of numbers over dt"},
       {"control.poles(matrix{{0, 1}})", "A: a square matrix"},
+      {"control.response(matrix{{0, 1}, {0, 0}}, matrix{{0}, {1}}, matrix{{1}}, nil, 1)", "C of control.response"},
+      {"control.response(matrix{{1}}, matrix{{1}}, matrix{{1}}, nil, -1)", "frequency: a number not below 0 [Hz]"},
+      {"control.response(matrix{{0}}, matrix{{1}}, matrix{{1}}, nil, 0)", "0 Hz, that of a pole"},
       {"control.dlqr()", "A of control.dlqr"},
   };
   const TemporaryFolder dir;

@@ -1243,6 +1243,16 @@ function control.discretise(A, B, dt, W) end
 ---@param dt? number [s]
 ---@return { re: number, im: number, frequency: number, damping: number }[] poles rising; re, im in rad/s, frequency in Hz, damping of critical
 function control.poles(A, dt) end
+--- What a sine of an input makes of an output of x' = A x + B u, y = C x + D u, or of x+ = A x + B u where dt is told.
+---@param A Matrix
+---@param B Matrix
+---@param C Matrix
+---@param D? Matrix default 0
+---@param frequency number [Hz]
+---@param dt? number [s]
+---@return Matrix gain
+---@return Matrix phase [rad] from -pi to pi
+function control.response(A, B, C, D, frequency, dt) end
 
 vec = require "cardan.vec"
 quat = require "cardan.quat"

@@ -42,6 +42,8 @@ TEST(Units, ConvertToSi) {
   EXPECT_EQ(value("70 GPa", "Pa"), 70e9);
   EXPECT_EQ(value("398600 km^3/s^2", "m^3/s^2"), 398600e9);
   EXPECT_EQ(value("0.5 %", "1"), 0.005);
+  EXPECT_EQ(value("2 ohm", "V/A"), 2.0);
+  EXPECT_EQ(value("5 mH", "V s/A"), 5e-3);
   EXPECT_EQ(value("2 h", "s"), 7200.0);
   EXPECT_EQ(value("10 Hz", "1/s"), 10.0);
 }
@@ -67,6 +69,7 @@ TEST(Units, AreReadAsTheyArePrinted) {
   EXPECT_EQ(value("3 kg·m²", "kg m^2"), 3.0);
   EXPECT_EQ(value("3 m·s⁻²", "m/s^2"), 3.0);
   EXPECT_EQ(value("7 µm", "m"), value("7 um", "m"));
+  EXPECT_EQ(value("3 kΩ", "V/A"), 3000.0);
   EXPECT_EQ(value("7 μm", "m"), value("7 um", "m")) << "the Greek letter as well";
   EXPECT_EQ(value("12\u00A0kg", "kg"), 12.0) << "a space that does not break";
   EXPECT_EQ(value("\u221212 kg", "kg"), -12.0) << "the minus sign of print";
