@@ -2,6 +2,7 @@
 // brick of eight nodes with the incompatible modes of Wilson et al. (1973) as Taylor, Beresford and Wilson (1976) made them pass the patch
 // test.
 #include <Eigen/Dense>
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -103,41 +104,77 @@ const Line kThree = {{0.11270166537925831, 0.5, 0.88729833462074169}, {0.2777777
 const Line kFive = {{0.046910077030668004, 0.23076534494715845, 0.5, 0.76923465505284155, 0.953089922969332},
                     {0.11846344252809454, 0.23931433524968324, 0.28444444444444444, 0.23931433524968324, 0.11846344252809454}};
 
-/// Shapes at the points of a rule: bricks by products of a line's rule, wedges and tetrahedra by conical products (Stroud 1971), bricks
-/// whose sides are drawn together. n points on the line are exact for polynomials of degree 2 n - 1 on a brick, 2 n - 2 on a triangle,
-/// 2 n - 3 on a tetrahedron.
+/// Shapes at the points of a rule.
 struct Rule {
   VectorXd weight;
   MatrixXd N, dN[3];  // points x nodes
   std::vector<Vector3d> at;
 };
 
-Rule make_rule(SolidShape shape, const Line& line) {
-  Rule rule;
-  std::vector<double> weights;
+using Points = std::vector<std::pair<Vector3d, double>>;  // with their weights
+
+/// Bricks by products of a line's rule, wedges and tetrahedra by conical products (Stroud 1971), bricks whose sides are drawn together. n
+/// points on the line are exact for polynomials of degree 2 n - 1 on a brick, 2 n - 2 on a triangle, 2 n - 3 on a tetrahedron.
+Points products(SolidShape shape, const Line& line) {
+  Points out;
   const std::size_t n = line.at.size();
   for (std::size_t i = 0; i < n; ++i)
     for (std::size_t j = 0; j < n; ++j)
       for (std::size_t k = 0; k < n; ++k) {
-        const double u = line.at[i], v = line.at[j], w = line.at[k];
-        double weight = line.weight[i] * line.weight[j] * line.weight[k];
-        if (shape == SolidShape::tetra10) {
-          weight *= (1 - u) * (1 - u) * (1 - v);
-          rule.at.emplace_back(u, v * (1 - u), w * (1 - u) * (1 - v));
-        } else if (shape == SolidShape::penta15) {
-          weight *= 2 * (1 - u);
-          rule.at.emplace_back(u, v * (1 - u), 2 * w - 1);
-        } else {
-          weight *= 8;
-          rule.at.emplace_back(2 * u - 1, 2 * v - 1, 2 * w - 1);
-        }
-        weights.push_back(weight);
+        const double u = line.at[i], v = line.at[j], w = line.at[k], weight = line.weight[i] * line.weight[j] * line.weight[k];
+        if (shape == SolidShape::tetra10)
+          out.emplace_back(Vector3d(u, v * (1 - u), w * (1 - u) * (1 - v)), weight * (1 - u) * (1 - u) * (1 - v));
+        else if (shape == SolidShape::penta15)
+          out.emplace_back(Vector3d(u, v * (1 - u), 2 * w - 1), 2 * weight * (1 - u));
+        else
+          out.emplace_back(Vector3d(2 * u - 1, 2 * v - 1, 2 * w - 1), 8 * weight);
       }
-  const auto points = static_cast<Eigen::Index>(weights.size());
-  rule.weight = Eigen::Map<const VectorXd>(weights.data(), points);
+  return out;
+}
+
+/// Where a rule is not exact, as for the stiffness of curved elements, it must not know which corner is the first: all permutations of
+/// barycentric coordinates have one weight. Exact to degree 5 on triangles (Radon 1948) and tetrahedra (Stroud 1971).
+Points symmetric_points(SolidShape shape) {
+  struct Orbit {
+    std::vector<double> at;
+    double weight;
+  };
+  const double s = std::sqrt(15.0);
+  const auto on_triangle = [](double a, double weight) { return Orbit{{a, a, 1 - 2 * a}, weight / 2}; };
+  const auto on_tetrahedron = [](double a, double weight) { return Orbit{{a, a, a, 1 - 3 * a}, weight / 6}; };
+  const double edge = (5 - s) / 20;
+  const bool tetrahedron = shape == SolidShape::tetra10;
+  std::vector<Orbit> orbits;
+  if (tetrahedron)
+    orbits = {{{0.25, 0.25, 0.25, 0.25}, 8.0 / 405},
+              on_tetrahedron((7 - s) / 34, (2665 + 14 * s) / 37800),
+              on_tetrahedron((7 + s) / 34, (2665 - 14 * s) / 37800),
+              {{edge, edge, 0.5 - edge, 0.5 - edge}, 5.0 / 567}};
+  else
+    orbits = {
+        {{1.0 / 3, 1.0 / 3, 1.0 / 3}, 9.0 / 80}, on_triangle((6 - s) / 21, (155 - s) / 1200), on_triangle((6 + s) / 21, (155 + s) / 1200)};
+  Points out;
+  for (Orbit& o : orbits) {
+    std::sort(o.at.begin(), o.at.end());
+    do {
+      if (tetrahedron)
+        out.emplace_back(Vector3d(o.at[0], o.at[1], o.at[2]), o.weight);
+      else
+        for (std::size_t k = 0; k < kThree.at.size(); ++k)
+          out.emplace_back(Vector3d(o.at[0], o.at[1], 2 * kThree.at[k] - 1), 2 * o.weight * kThree.weight[k]);
+    } while (std::next_permutation(o.at.begin(), o.at.end()));
+  }
+  return out;
+}
+
+Rule make_rule(SolidShape shape, const Points& of) {
+  Rule rule;
+  const auto points = static_cast<Eigen::Index>(of.size());
+  rule.weight.resize(points);
   rule.N.resize(points, topology(shape).places.cols());
   for (MatrixXd& d : rule.dN) d.resizeLike(rule.N);
   for (Eigen::Index p = 0; p < points; ++p) {
+    rule.at.push_back(of[static_cast<std::size_t>(p)].first), rule.weight(p) = of[static_cast<std::size_t>(p)].second;
     const SolidShapes s = shapes_at(shape, rule.at[static_cast<std::size_t>(p)]);
     rule.N.row(p) = s.N.transpose();
     for (int a = 0; a < 3; ++a) rule.dN[a].row(p) = s.dN.col(a).transpose();
@@ -149,8 +186,11 @@ enum class Use { stiffness, mass };
 const Rule& rule_of(SolidShape shape, Use use) {
   static const auto rules = [] {
     std::array<std::array<Rule, 2>, 4> all;
-    for (std::size_t s = 0; s < all.size(); ++s)
-      all[s] = {make_rule(static_cast<SolidShape>(s), kThree), make_rule(static_cast<SolidShape>(s), kFive)};
+    for (const SolidShape s : {SolidShape::tetra10, SolidShape::hexa20, SolidShape::penta15, SolidShape::hexa8}) {
+      const bool brick = s == SolidShape::hexa20 || s == SolidShape::hexa8;
+      all[static_cast<std::size_t>(s)] = {make_rule(s, brick ? products(s, kThree) : symmetric_points(s)),
+                                          make_rule(s, products(s, kFive))};
+    }
     return all;
   }();
   return rules[static_cast<std::size_t>(shape)][static_cast<std::size_t>(use)];

@@ -5,9 +5,11 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <random>
 
 #include "bodies/modal/eigen_modes.hpp"
@@ -201,6 +203,58 @@ TEST(Solids, KeepTheirFrequenciesWhenTurned) {
                    {}, {});
     const VectorXd a = frequencies_of(model, {}, 8), b = frequencies_of(turned, {}, 8);
     EXPECT_LE(test::largest(b.cwiseQuotient(a).array() - 1.0), 1e-10) << name_of(shape);
+  }
+}
+
+/// Renumberings of corners that leave an element what it is, with the nodes on edges: turned into itself, or with `mirrored` its image in a
+/// mirror.
+std::vector<std::vector<int>> renumberings(SolidShape shape, bool mirrored) {
+  const int corners = corners_of(shape);
+  const auto &own = edges_of(shape), &edges = own.empty() ? edges_of(SolidShape::hexa20) : own;
+  const auto edge = [&](int a, int b) {
+    const auto found = std::ranges::find_if(edges, [&](const auto& e) { return e == std::pair(a, b) || e == std::pair(b, a); });
+    return found == edges.end() ? -1 : static_cast<int>(found - edges.begin());
+  };
+  const Matrix3Xd& places = places_of(shape);
+  std::vector<std::vector<int>> out;
+  std::vector<int> to(static_cast<std::size_t>(corners));
+  std::iota(to.begin(), to.end(), 0);
+  do {
+    if (!std::ranges::all_of(
+            edges, [&](const auto& e) { return edge(to[static_cast<std::size_t>(e.first)], to[static_cast<std::size_t>(e.second)]) >= 0; }))
+      continue;
+    std::vector<int> all = to;
+    for (const auto& [a, b] : own) all.push_back(corners + edge(to[static_cast<std::size_t>(a)], to[static_cast<std::size_t>(b)]));
+    if ((places(Eigen::all, all) * shapes_at(shape, Vector3d(0.25, 0.25, 0)).dN).determinant() * (mirrored ? -1 : 1) > 0)
+      out.push_back(all);
+  } while (std::next_permutation(to.begin(), to.end()));
+  return out;
+}
+
+/// Which corner of an element a file lists first is nothing that the body knows, however crooked the element is.
+TEST(Solids, DoNotKnowTheirFirstCorner) {
+  std::mt19937 random(1);
+  std::uniform_real_distribution<double> shift(-0.08, 0.08);
+  for (const SolidShape shape : kSolidShapes) {
+    Matrix3Xd x = places_of(shape);
+    for (double& c : x.reshaped()) c += shift(random);
+    const SolidMatrices as_listed = solid_matrices(shape, x, kSteel);
+    const std::vector<std::vector<int>> turned = renumberings(shape, false), mirrored = renumberings(shape, true);
+    const std::size_t turns = shape == SolidShape::tetra10 ? 12 : shape == SolidShape::penta15 ? 6 : 24;
+    ASSERT_EQ(turned.size(), turns);
+    ASSERT_EQ(mirrored.size(), turns);
+    const auto expect_same = [&](const std::vector<int>& order, const Matrix3d& mirror) {
+      const SolidMatrices one = solid_matrices(shape, Matrix3Xd(mirror * x(Eigen::all, order)), kSteel);
+      MatrixXd K = one.K;
+      for (std::size_t i = 0; i < order.size(); ++i)
+        for (std::size_t j = 0; j < order.size(); ++j)
+          K.block<3, 3>(3 * order[i], 3 * order[j]) =
+              mirror * one.K.block<3, 3>(3 * static_cast<Eigen::Index>(i), 3 * static_cast<Eigen::Index>(j)) * mirror;
+      EXPECT_LE(apart_of(K, as_listed.K), 1e-13) << name_of(shape);
+      EXPECT_LE(apart_of(one.m, as_listed.m(order, order)), 1e-13) << name_of(shape);
+    };
+    for (const std::vector<int>& order : turned) expect_same(order, Matrix3d::Identity());
+    for (const std::vector<int>& order : mirrored) expect_same(order, Vector3d(1, -1, 1).asDiagonal());
   }
 }
 
