@@ -122,10 +122,12 @@ struct Contact {
         return params.fail(i == 0 ? "from_radius" : "to_radius",
                            text_of("a radius > 0 of what touches a ", kShapeNames[p.side[1 - i].shape]).c_str());
     p.exponent = params.number("exponent");
-    p.stiffness = params.number("stiffness") * std::pow(params.number("at_depth"), 1.0 - p.exponent);
+    p.stiffness = params.number("stiffness");
+    if (p.exponent != 1.0) p.stiffness *= std::pow(params.number("at_depth"), 1.0 - p.exponent);
     if (!std::isfinite(p.stiffness)) return params.fail("at_depth", "a depth at which the stiffness is a finite number of N/m^exponent");
-    p.friction = params.number("friction"), p.width = params.number("width");
-    const double e = params.number("restitution"), speed = params.number("speed");
+    p.friction = params.number("friction");
+    if (p.friction > 0.0) p.width = params.number("width");
+    const double e = params.number("restitution"), speed = e < 1.0 ? params.number("speed") : 0.0;
     if (e < 1.0 && !(speed > 0.0)) return params.fail("speed", "the speed > 0 at which the restitution holds");
     p.dissipation = e < 1.0 ? dissipation_times_speed(e) / speed : 0.0;
     if (!std::isfinite(p.dissipation)) return params.fail("speed", "a speed at which the losses are a finite number of s/m");
@@ -159,50 +161,57 @@ struct Contact {
   static bool pack_side(const Params& params, const std::string& name, Side& s) {
     const auto key = [&](const char* what) { return name + "_" + what; };
     const auto number = [&](const char* what) { return params.number(key(what).c_str()); };
-    const auto need = [&](const char* what, double x, const char* expected) {
+    const auto above_0 = [&](const char* what, double x, const char* expected) {
       return x > 0.0 || params.fail(key(what).c_str(), text_of(expected, kShapeNames[s.shape]).c_str());
     };
+    const auto read_radius = [&] { s.radius = s.ball = number("radius"); };
+    const auto need_radius = [&] { return above_0("radius", s.radius, "a radius > 0 of a "); };
     s.shape = params.choice(key("shape").c_str());
-    s.radius = number("radius"), s.end_radius = number("end_radius"), s.length = number("length"), s.ball = s.radius;
-    const Eigen::Vector3d u = params.vector(key("axis").c_str()), size = params.vector(key("size").c_str());
+    const Eigen::Vector3d u = params.vector(key("axis").c_str());
     const Eigen::Vector3d e = u.unitOrthogonal(), f = u.cross(e);
     const auto put = [](const Eigen::Vector3d& x, double* to) { Eigen::Vector3d::Map(to) = x; };
-    put(u, s.axis), put(e, s.across), put(0.5 * size, s.half);
+    put(u, s.axis), put(e, s.across);
     const auto add = [&](const Eigen::Vector3d& x) { put(x, s.at[s.n_balls++]); };
     switch (s.shape) {
       case kBallShape:
+        read_radius();
         add(Eigen::Vector3d::Zero());
-        return need("radius", s.radius, "a radius > 0 of a ");
+        return need_radius();
       case kPads: {
+        read_radius();
         const int n = params.count(key("points").c_str());
         if (n < 1 || n > kMostBalls) return params.fail(key("points").c_str(), "1 to 16 points");
         for (int i = 0; i < n; ++i) add(params.vector(key("points").c_str(), i));
         return true;
       }
       case kRod:
+        read_radius(), s.length = number("length");
         add(Eigen::Vector3d::Zero()), add(s.length * u);
-        return need("radius", s.radius, "a radius > 0 of a ") && need("length", s.length, "a length > 0 of a ");
+        return need_radius() && above_0("length", s.length, "a length > 0 of a ");
       case kRing: {
-        s.ball = number("tube");
+        read_radius(), s.ball = number("tube");
         const int n = params.integer(key("samples").c_str());
         for (int i = 0; i < n; ++i) {
           const double angle = 2.0 * std::numbers::pi * i / n;
           add(s.radius * (std::cos(angle) * e + std::sin(angle) * f));
         }
-        return need("radius", s.radius, "a radius > 0 of a ");
+        return need_radius();
       }
       case kWheel:  // its one ball goes where the rim is lowest
-        s.ball = number("tube");
+        read_radius(), s.ball = number("tube");
         add(Eigen::Vector3d::Zero());
-        return need("radius", s.radius, "a radius > 0 of a ");
-      case kBox:
-        s.ball = 0.0;
+        return need_radius();
+      case kBox: {
+        const Eigen::Vector3d size = params.vector(key("size").c_str());
+        put(0.5 * size, s.half);
         for (int i = 0; i < 8; ++i)
           add({(i & 1 ? 0.5 : -0.5) * size.x(), (i & 2 ? 0.5 : -0.5) * size.y(), (i & 4 ? 0.5 : -0.5) * size.z()});
-        return need("size", size.minCoeff(), "three edges > 0 of a ");
+        return above_0("size", size.minCoeff(), "three edges > 0 of a ");
+      }
       case kCone:
-        return need("length", s.length, "a length > 0 of a ") &&
-               need("radius", std::max(s.radius, s.end_radius), "a radius > 0 at one end of a ");
+        s.radius = number("radius"), s.end_radius = number("end_radius"), s.length = number("length");
+        return above_0("length", s.length, "a length > 0 of a ") &&
+               above_0("radius", std::max(s.radius, s.end_radius), "a radius > 0 at one end of a ");
       default:
         return true;
     }

@@ -236,6 +236,32 @@ TEST_F(Physics, AllOfTheEffectiveMassIsMoreThanSixtyModesHave) {
   EXPECT_TRUE(has(w[0]["about"], "60 modes computed")) << w;
 }
 
+TEST_F(Physics, DefaultsOfKeysThatAShapeDoesNotHaveAreNotListedAsUsed) {
+  write(R"(cardan: 1
+bodies:
+  ball: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world, initial: {position: [0, 0, 2]}}}
+fields:
+  sun: {type: sunlight, direction: [1, 0, 0]}
+devices:
+  soft: {type: contact, from: ball, from_shape: sphere, from_radius: 10 cm, to: world, to_shape: plane, stiffness: 2 kN/m, exponent: 1}
+  rough: {type: contact, from: ball, from_shape: ring, from_radius: 10 cm, to: world, to_shape: plane, stiffness: 2 kN/m, friction: 0.3}
+  tank: {type: tank, at: ball, radius: 10 cm}
+  gas: {type: tank, at: ball, radius: 10 cm, shape: cylinder, length: 1, pressure: 1 MPa, density: 1000, loaded: 1}
+  round: {type: radiation_pressure, at: ball, area: 1, light: sun}
+  flat: {type: radiation_pressure, at: ball, area: 1, light: sun, shape: plate}
+)");
+  std::vector<std::string> listed;
+  const json all = describe()["defaults"];
+  for (const auto& [key, value] : all.items())
+    if (key.starts_with("devices.")) listed.push_back(key.substr(8));
+  const std::vector<std::string> used = {
+      "flat.both_sides", "flat.diffuse",      "flat.specular",      "gas.exponent",    "gas.fill",        "gas.residual",
+      "rough.at_depth",  "rough.exponent",    "rough.from_samples", "rough.from_tube", "rough.max_depth", "rough.restitution",
+      "rough.width",     "round.coefficient", "round.shape",        "soft.friction",   "soft.max_depth",  "soft.restitution",
+      "tank.density",    "tank.fill",         "tank.pressure",      "tank.residual",   "tank.shape"};
+  EXPECT_EQ(listed, used);
+}
+
 // ---- what cannot start ----
 
 TEST_F(Physics, ShapesThatOverlapAreFoundBeforeResultsOfAnEarlierRunAreTouched) {
