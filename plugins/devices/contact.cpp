@@ -12,8 +12,8 @@
 namespace cardan {
 namespace {
 
-enum TouchingShape { kBallShape, kPads, kRod, kRing, kBox, kPlane, kCone, kWheel };
-constexpr const char* kShapeNames[] = {"sphere", "pads", "capsule", "ring", "box", "plane", "cone", "wheel"};
+enum TouchingShape { kBallShape, kPads, kRod, kRing, kBox, kPlane, kCone, kWheel, kEllipsoid };
+constexpr const char* kShapeNames[] = {"sphere", "pads", "capsule", "ring", "box", "plane", "cone", "wheel", "ellipsoid"};
 constexpr int kMostBalls = 16, kMostTouches = 4 * kMostBalls;  // a ring feels both sides of another one, and the other way round
 
 /// Can balls on the one feel the other?
@@ -80,7 +80,8 @@ struct Contact {
       param::along(param::optional(side "_axis", CARDAN_UNIT_VECTOR, "1",                                                              \
                                    "of the capsule, the ring, the cone, the wheel; of the plane: outwards; axes of the node"),         \
                    0, 0, 1),                                                                                                           \
-      param::not_negative(param::optional(side "_size", CARDAN_VECTOR, "m", "edges of the box, the node in its middle")),              \
+      param::not_negative(param::optional(side "_size", CARDAN_VECTOR, "m",                                                            \
+                                          "of the box or the ellipsoid along the axes of the node, which is in its middle")),          \
       param::optional(side "_points", CARDAN_VECTORS, "m", "middles of the pads, at most 16; axes of the node"),                       \
       param::in_range(param::optional(side "_samples", CARDAN_INTEGER, "1", "balls that the ring is felt by", 12.0), 3.0, kMostBalls)
   static constexpr cardan_param_desc schema[] = {
@@ -152,7 +153,7 @@ struct Contact {
 
   static bool refuse_pair(const Params& params, int from) {
     std::string fitting;
-    for (int s = 0; s <= kWheel; ++s)
+    for (int s = 0; s <= kEllipsoid; ++s)
       if (feels(from, s) || feels(s, from)) fitting += (fitting.empty() ? "" : ", ") + std::string(kShapeNames[s]);
     return params.fail("to_shape", ("what can touch a " + std::string(kShapeNames[from]) + ": " + fitting).c_str(), nullptr,
                        "edges and flat faces are felt by `pads` on them, a rim by a `ring`; several contacts may stand side by side");
@@ -207,6 +208,12 @@ struct Contact {
         for (int i = 0; i < 8; ++i)
           add({(i & 1 ? 0.5 : -0.5) * size.x(), (i & 2 ? 0.5 : -0.5) * size.y(), (i & 4 ? 0.5 : -0.5) * size.z()});
         return above_0("size", size.minCoeff(), "three edges > 0 of a ");
+      }
+      case kEllipsoid: {  // its one ball, a point, goes where it is lowest
+        const Eigen::Vector3d size = params.vector(key("size").c_str());
+        put(0.5 * size, s.half);
+        add(Eigen::Vector3d::Zero());
+        return above_0("size", size.minCoeff(), "three diameters > 0 of an ");
       }
       case kCone:
         s.radius = number("radius"), s.end_radius = number("end_radius"), s.length = number("length");
@@ -272,9 +279,15 @@ struct Contact {
     on_a = a + s * along_a, on_b = b + t * along_b;
   }
 
-  /// From the middle of a wheel to the lowest place of its circle over a plane with this normal; of one that lies flat some place.
+  /// From the middle of a wheel or an ellipsoid to its lowest place over a plane with this normal; of a wheel that lies flat some place.
   template <class T>
   static Vec3<T> lowest(const Side& s, const MountMotion<T>& at, const Vec3<T>& n) {
+    if (s.shape == kEllipsoid) {
+      const Vec3<T> u = transpose_times(at.R_WN, n);
+      const Vec3<T> half_u{T(s.half[0]) * u.x, T(s.half[1]) * u.y, T(s.half[2]) * u.z};
+      const T height = length_of(half_u);
+      return at.R_WN * Vec3<T>{T(-s.half[0]) * half_u.x / height, T(-s.half[1]) * half_u.y / height, T(-s.half[2]) * half_u.z / height};
+    }
     const Vec3<T> u = at.R_WN * vector_of<T>(s.axis), down = dot(n, u) * u - n;
     const T length = length_of(down);
     return length > T(0.0) ? (T(s.radius) / length) * down : T(s.radius) * (at.R_WN * vector_of<T>(s.across));
@@ -307,7 +320,7 @@ struct Contact {
         Vec3<T> middle = of_balls.position + of_balls.R_WN * vector_of<T>(balls.at[k]);
         if (surface.shape == kPlane) {
           const Vec3<T> n = of_surface.R_WN * vector_of<T>(surface.axis);
-          if (balls.shape == kWheel) middle += lowest(balls, of_balls, n);
+          if (balls.shape == kWheel || balls.shape == kEllipsoid) middle += lowest(balls, of_balls, n);
           const T height = dot(n, middle - of_surface.position);
           take(index++, Touch<T>{n, middle - (T(0.5) * (height + T(balls.ball))) * n, T(balls.ball) - height, i, share});
           continue;
