@@ -101,8 +101,10 @@ RunFailure describe_breakdown(const Model& model, const soa::Breakdown& bad, dou
         "closed loops may be all that moves it: closed by rates (`loop_form: auto`, and no modes on their way) they need no inertia there; "
         "else give the body one, or its hinge fewer freedoms";
   if (const std::string deformed = truncated_outboard(model, bad.body); bad.value < 0.0 && !deformed.empty())
-    f.hint = fmt::format("modes of {} have deformed it beyond what its level can describe: level 2 keeps a mass matrix positive definite",
-                         deformed);
+    f.hint = fmt::format(
+        "modes of {} have deformed it beyond what its level can describe: level 2 keeps a mass matrix positive definite, and so does less "
+        "deflection",
+        deformed);
   return f;
 }
 

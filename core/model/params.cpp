@@ -9,6 +9,7 @@
 #include <fstream>
 #include <iterator>
 #include <numeric>
+#include <set>
 #include <utility>
 
 #include "core/base/units.hpp"
@@ -239,6 +240,38 @@ void note_fallback(MapReader& map, const cardan_param_desc& desc) {
     map.note_default(desc.name, desc.names[static_cast<std::size_t>(desc.fallback[0])]);
 }
 
+/// A view of values that keeps which of them were asked for.
+struct Asked {
+  explicit Asked(ParamTable& table) : values(table.view()) {
+    view.host = this;
+    view.numbers = [](const cardan_param_values* v, const char* name, std::uint32_t* count) {
+      const cardan_param_values& all = note(v, name);
+      return all.numbers(&all, name, count);
+    };
+    view.text = [](const cardan_param_values* v, const char* name) {
+      const cardan_param_values& all = note(v, name);
+      return all.text(&all, name);
+    };
+    view.bytes = [](const cardan_param_values* v, const char* name, std::uint64_t* size) {
+      const cardan_param_values& all = note(v, name);
+      return all.bytes(&all, name, size);
+    };
+    view.fail = [](const cardan_param_values*, const char*, const char*, const char*, const char*) {};
+  }
+  Asked(const Asked&) = delete;
+  Asked& operator=(const Asked&) = delete;
+
+  cardan_param_values values, view = values;
+  std::set<std::string, std::less<>> names;
+
+ private:
+  static const cardan_param_values& note(const cardan_param_values* v, const char* name) {
+    auto& self = *static_cast<Asked*>(const_cast<void*>(v->host));
+    if (name) self.names.insert(name);
+    return self.values;
+  }
+};
+
 std::string_view trimmed(std::string_view text) {
   const auto begin = text.find_first_not_of(" \t\r");
   return begin == text.npos ? std::string_view() : text.substr(begin, text.find_last_not_of(" \t\r") - begin + 1);
@@ -408,6 +441,20 @@ std::vector<double> pack_params(const SystemSpec& spec, const GivenParams& given
   std::vector<double> packed = pack(bytes, family.pack, *values);
   if (packed.empty()) report_refused(spec, given, family.schema, *values, Code::out_of_range, sink);
   return packed;
+}
+
+std::vector<std::string> keys_not_read(const SystemSpec& spec, const GivenParams& given, const ParamsOfFamily& family) {
+  DiagnosticSink sink;
+  std::optional<ParamTable> values = checked_params(spec, given, family.schema, sink);
+  if (!values || !family.pack) return {};
+  Asked asked(*values);
+  const std::size_t bytes = family.packed_size ? family.packed_size(&asked.view) : family.bytes;
+  std::vector<double> packed(bytes / sizeof(double) + 1, 0.0);
+  if (family.pack(&asked.view, packed.data()) != 0) return {};
+  std::vector<std::string> rest;
+  for (const cardan_param_desc& desc : family.schema)
+    if (!asked.names.contains(std::string_view(desc.name))) rest.emplace_back(desc.name);
+  return rest;
 }
 
 std::string range_text(const cardan_param_desc& d) {

@@ -41,6 +41,9 @@ void report_refused(const SystemSpec& spec, const GivenParams& given, ParamSchem
 /// Checked, and packed for the functions of the family (core/abi/param_values.hpp). Faults go to the sink; then empty.
 std::vector<double> pack_params(const SystemSpec& spec, const GivenParams& given, const ParamsOfFamily& family, DiagnosticSink& sink);
 
+/// Keys of the schema that the family, packing these values, does not ask for: by another one they do not apply.
+std::vector<std::string> keys_not_read(const SystemSpec& spec, const GivenParams& given, const ParamsOfFamily& family);
+
 /// "> 0 and <= 1", "from 0 to 1"; empty where there is no range.
 std::string range_text(const cardan_param_desc& desc);
 

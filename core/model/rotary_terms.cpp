@@ -143,6 +143,12 @@ std::shared_ptr<const SystemSpec> with_kept_rotary_terms(std::shared_ptr<const S
   return out ? out : spec;
 }
 
+/// To one digit.
+static double rounded_up(double x) {
+  const double unit = std::pow(10.0, std::floor(std::log10(x)));
+  return std::ceil(1.001 * x / unit) * unit;
+}
+
 void expect_rotary_terms(const BodySpec& body, DiagnosticSink& sink) {
   const ModalData& d = *body.modal;
   if (body.level < 2 || d.integrals.rotary_ww.empty() || d.whole || !d.mass_nodes.empty()) return;
@@ -153,9 +159,9 @@ void expect_rotary_terms(const BodySpec& body, DiagnosticSink& sink) {
        "lumped masses for level 2 with nodal rotary inertia",
        has_turns(d) ? fmt::format("integrals alone: to first order, they are off by up to {:.2g} of a modal mass at {} rad", off, kTurn)
                     : "integrals alone, to first order",
-       has_turns(d)
-           ? fmt::format("`rotary_inertia: {:.1g}` of the body takes that, or `rotary_inertia: false` of a plate, or level 1", 1.1 * off)
-           : "level 1",
+       has_turns(d) ? fmt::format("`rotary_inertia: {:.1g}` of the body takes that, or `rotary_inertia: false` of a plate, or level 1",
+                                  rounded_up(off))
+                    : "level 1",
        "",
        "",
        0});

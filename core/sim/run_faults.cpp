@@ -4,9 +4,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <tuple>
 
 #include "core/base/finite.hpp"
+#include "core/dynamics/inverse.hpp"
 #include "core/model/doubts.hpp"
 #include "core/sim/device_corners.hpp"
 #include "core/sim/expected_stiffness.hpp"
@@ -16,6 +18,20 @@
 #include "core/sim/simulation.hpp"
 
 namespace cardan {
+namespace {
+
+/// Where steps vanish, the level of a flexible body may be why: its inertia goes to zero, and what turns about that direction has no bounds
+/// (docs/mathematics/flexible.md, 2). What would break down with modes a tenth larger; empty: nothing.
+std::optional<RunFailure> close_to_no_inertia(const Model& m, const State& state) {
+  if (m.flexible.empty() || !m.loops.all.empty()) return {};
+  Eigen::VectorXd q = state.q;
+  for (const UserBody& u : m.user) q.segment(u.eta, u.n_modes) *= 1.1;
+  Workspace ws(m);
+  if (articulate_at_rest(m, ws, q.data()) || !(ws.breakdown.value < 0.0)) return {};
+  return describe_breakdown(m, ws.breakdown, state.t);
+}
+
+}  // namespace
 
 /// Body or device, and which of its states; `state`: index into [q, v, z].
 std::pair<std::string, std::string> Simulation::named_state(int state) const {
@@ -93,6 +109,8 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
     std::string state;
     std::tie(f.body, state) = named_state(integrator_->worst());
     f.what += fmt::format(", most of it that of {}", state);
+    if (const auto close = close_to_no_inertia(*model_, state_))
+      f.hint = fmt::format("it comes to {} (N0107) with modes a tenth larger: {}", close->what, close->hint);
     return f;
   }
   RunFailure f = not_finite(model_->nq + bad_rate_, vdot_bad_);

@@ -4,6 +4,7 @@
 
 #include "core/base/version.hpp"
 #include "core/io/sha256.hpp"
+#include "core/model/params.hpp"
 #include "core/sim/description.hpp"
 #include "core/sim/mode_pictures.hpp"
 #include "core/soa/kernels.hpp"
@@ -21,6 +22,19 @@ std::vector<std::pair<std::string, std::string>> initial_values(const Model& m, 
     for (int i = 0; i < u.nv; ++i) add(u, u.v_names[static_cast<std::size_t>(i)], state.v[u.v + i], u.v_units[static_cast<std::size_t>(i)]);
     for (int i = 0; i < u.n_modes; ++i) add(u, fmt::format("eta[{}]", i), state.q[u.eta + i], "");
     for (int i = 0; i < u.n_modes; ++i) add(u, fmt::format("etadot[{}]", i), state.v[u.etadot + i], "1/s");
+  }
+  return all;
+}
+
+/// Without those keys of devices that by another one do not apply, as the length of a sphere.
+std::vector<std::pair<std::string, std::string>> defaults_used(const Model& m) {
+  auto all = m.spec->defaults_used;
+  for (const Device& d : m.devices.all) {
+    const cardan_device_family& f = *d.family;
+    const std::string path = "devices." + d.name;
+    for (const std::string& key : keys_not_read(*m.spec, {path, f.type, m.spec->devices[static_cast<std::size_t>(d.spec)].params},
+                                                {{f.params, f.n_params}, f.params_size, f.pack, f.packed_size}))
+      std::erase_if(all, [&](const auto& used) { return used.first == fmt::format("{}.{}", path, key); });
   }
   return all;
 }
@@ -46,7 +60,7 @@ RunHeader run_header(const Simulation& sim) {
   h.effective_parameters = effective_parameters(m);
   const auto values = initial_values(m, sim.state());
   h.effective_parameters.insert(h.effective_parameters.end(), values.begin(), values.end());
-  h.defaults_used = m.spec->defaults_used;
+  h.defaults_used = defaults_used(m);
   h.sweep_program = sweep_program(m, sim.state());
   h.mode_pictures = mode_pictures(*m.spec);
   h.integrator = integrator_text(sim.options());

@@ -12,8 +12,8 @@
 namespace cardan {
 namespace {
 
-enum TouchingShape { kBallShape, kPads, kRod, kRing, kBox, kPlane, kCone, kWheel };
-constexpr const char* kShapeNames[] = {"sphere", "pads", "capsule", "ring", "box", "plane", "cone", "wheel"};
+enum TouchingShape { kBallShape, kPads, kRod, kRing, kBox, kPlane, kCone, kWheel, kEllipsoid };
+constexpr const char* kShapeNames[] = {"sphere", "pads", "capsule", "ring", "box", "plane", "cone", "wheel", "ellipsoid"};
 constexpr int kMostBalls = 16, kMostTouches = 4 * kMostBalls;  // a ring feels both sides of another one, and the other way round
 
 /// Can balls on the one feel the other?
@@ -80,7 +80,8 @@ struct Contact {
       param::along(param::optional(side "_axis", CARDAN_UNIT_VECTOR, "1",                                                              \
                                    "of the capsule, the ring, the cone, the wheel; of the plane: outwards; axes of the node"),         \
                    0, 0, 1),                                                                                                           \
-      param::not_negative(param::optional(side "_size", CARDAN_VECTOR, "m", "edges of the box, the node in its middle")),              \
+      param::not_negative(param::optional(side "_size", CARDAN_VECTOR, "m",                                                            \
+                                          "of the box or the ellipsoid along the axes of the node, which is in its middle")),          \
       param::optional(side "_points", CARDAN_VECTORS, "m", "middles of the pads, at most 16; axes of the node"),                       \
       param::in_range(param::optional(side "_samples", CARDAN_INTEGER, "1", "balls that the ring is felt by", 12.0), 3.0, kMostBalls)
   static constexpr cardan_param_desc schema[] = {
@@ -122,10 +123,12 @@ struct Contact {
         return params.fail(i == 0 ? "from_radius" : "to_radius",
                            text_of("a radius > 0 of what touches a ", kShapeNames[p.side[1 - i].shape]).c_str());
     p.exponent = params.number("exponent");
-    p.stiffness = params.number("stiffness") * std::pow(params.number("at_depth"), 1.0 - p.exponent);
+    p.stiffness = params.number("stiffness");
+    if (p.exponent != 1.0) p.stiffness *= std::pow(params.number("at_depth"), 1.0 - p.exponent);
     if (!std::isfinite(p.stiffness)) return params.fail("at_depth", "a depth at which the stiffness is a finite number of N/m^exponent");
-    p.friction = params.number("friction"), p.width = params.number("width");
-    const double e = params.number("restitution"), speed = params.number("speed");
+    p.friction = params.number("friction");
+    if (p.friction > 0.0) p.width = params.number("width");
+    const double e = params.number("restitution"), speed = e < 1.0 ? params.number("speed") : 0.0;
     if (e < 1.0 && !(speed > 0.0)) return params.fail("speed", "the speed > 0 at which the restitution holds");
     p.dissipation = e < 1.0 ? dissipation_times_speed(e) / speed : 0.0;
     if (!std::isfinite(p.dissipation)) return params.fail("speed", "a speed at which the losses are a finite number of s/m");
@@ -150,7 +153,7 @@ struct Contact {
 
   static bool refuse_pair(const Params& params, int from) {
     std::string fitting;
-    for (int s = 0; s <= kWheel; ++s)
+    for (int s = 0; s <= kEllipsoid; ++s)
       if (feels(from, s) || feels(s, from)) fitting += (fitting.empty() ? "" : ", ") + std::string(kShapeNames[s]);
     return params.fail("to_shape", ("what can touch a " + std::string(kShapeNames[from]) + ": " + fitting).c_str(), nullptr,
                        "edges and flat faces are felt by `pads` on them, a rim by a `ring`; several contacts may stand side by side");
@@ -159,50 +162,63 @@ struct Contact {
   static bool pack_side(const Params& params, const std::string& name, Side& s) {
     const auto key = [&](const char* what) { return name + "_" + what; };
     const auto number = [&](const char* what) { return params.number(key(what).c_str()); };
-    const auto need = [&](const char* what, double x, const char* expected) {
+    const auto above_0 = [&](const char* what, double x, const char* expected) {
       return x > 0.0 || params.fail(key(what).c_str(), text_of(expected, kShapeNames[s.shape]).c_str());
     };
+    const auto read_radius = [&] { s.radius = s.ball = number("radius"); };
+    const auto need_radius = [&] { return above_0("radius", s.radius, "a radius > 0 of a "); };
     s.shape = params.choice(key("shape").c_str());
-    s.radius = number("radius"), s.end_radius = number("end_radius"), s.length = number("length"), s.ball = s.radius;
-    const Eigen::Vector3d u = params.vector(key("axis").c_str()), size = params.vector(key("size").c_str());
+    const Eigen::Vector3d u = params.vector(key("axis").c_str());
     const Eigen::Vector3d e = u.unitOrthogonal(), f = u.cross(e);
     const auto put = [](const Eigen::Vector3d& x, double* to) { Eigen::Vector3d::Map(to) = x; };
-    put(u, s.axis), put(e, s.across), put(0.5 * size, s.half);
+    put(u, s.axis), put(e, s.across);
     const auto add = [&](const Eigen::Vector3d& x) { put(x, s.at[s.n_balls++]); };
     switch (s.shape) {
       case kBallShape:
+        read_radius();
         add(Eigen::Vector3d::Zero());
-        return need("radius", s.radius, "a radius > 0 of a ");
+        return need_radius();
       case kPads: {
+        read_radius();
         const int n = params.count(key("points").c_str());
         if (n < 1 || n > kMostBalls) return params.fail(key("points").c_str(), "1 to 16 points");
         for (int i = 0; i < n; ++i) add(params.vector(key("points").c_str(), i));
         return true;
       }
       case kRod:
+        read_radius(), s.length = number("length");
         add(Eigen::Vector3d::Zero()), add(s.length * u);
-        return need("radius", s.radius, "a radius > 0 of a ") && need("length", s.length, "a length > 0 of a ");
+        return need_radius() && above_0("length", s.length, "a length > 0 of a ");
       case kRing: {
-        s.ball = number("tube");
+        read_radius(), s.ball = number("tube");
         const int n = params.integer(key("samples").c_str());
         for (int i = 0; i < n; ++i) {
           const double angle = 2.0 * std::numbers::pi * i / n;
           add(s.radius * (std::cos(angle) * e + std::sin(angle) * f));
         }
-        return need("radius", s.radius, "a radius > 0 of a ");
+        return need_radius();
       }
       case kWheel:  // its one ball goes where the rim is lowest
-        s.ball = number("tube");
+        read_radius(), s.ball = number("tube");
         add(Eigen::Vector3d::Zero());
-        return need("radius", s.radius, "a radius > 0 of a ");
-      case kBox:
-        s.ball = 0.0;
+        return need_radius();
+      case kBox: {
+        const Eigen::Vector3d size = params.vector(key("size").c_str());
+        put(0.5 * size, s.half);
         for (int i = 0; i < 8; ++i)
           add({(i & 1 ? 0.5 : -0.5) * size.x(), (i & 2 ? 0.5 : -0.5) * size.y(), (i & 4 ? 0.5 : -0.5) * size.z()});
-        return need("size", size.minCoeff(), "three edges > 0 of a ");
+        return above_0("size", size.minCoeff(), "three edges > 0 of a ");
+      }
+      case kEllipsoid: {  // its one ball, a point, goes where it is lowest
+        const Eigen::Vector3d size = params.vector(key("size").c_str());
+        put(0.5 * size, s.half);
+        add(Eigen::Vector3d::Zero());
+        return above_0("size", size.minCoeff(), "three diameters > 0 of an ");
+      }
       case kCone:
-        return need("length", s.length, "a length > 0 of a ") &&
-               need("radius", std::max(s.radius, s.end_radius), "a radius > 0 at one end of a ");
+        s.radius = number("radius"), s.end_radius = number("end_radius"), s.length = number("length");
+        return above_0("length", s.length, "a length > 0 of a ") &&
+               above_0("radius", std::max(s.radius, s.end_radius), "a radius > 0 at one end of a ");
       default:
         return true;
     }
@@ -263,9 +279,15 @@ struct Contact {
     on_a = a + s * along_a, on_b = b + t * along_b;
   }
 
-  /// From the middle of a wheel to the lowest place of its circle over a plane with this normal; of one that lies flat some place.
+  /// From the middle of a wheel or an ellipsoid to its lowest place over a plane with this normal; of a wheel that lies flat some place.
   template <class T>
   static Vec3<T> lowest(const Side& s, const MountMotion<T>& at, const Vec3<T>& n) {
+    if (s.shape == kEllipsoid) {
+      const Vec3<T> u = transpose_times(at.R_WN, n);
+      const Vec3<T> half_u{T(s.half[0]) * u.x, T(s.half[1]) * u.y, T(s.half[2]) * u.z};
+      const T height = length_of(half_u);
+      return at.R_WN * Vec3<T>{T(-s.half[0]) * half_u.x / height, T(-s.half[1]) * half_u.y / height, T(-s.half[2]) * half_u.z / height};
+    }
     const Vec3<T> u = at.R_WN * vector_of<T>(s.axis), down = dot(n, u) * u - n;
     const T length = length_of(down);
     return length > T(0.0) ? (T(s.radius) / length) * down : T(s.radius) * (at.R_WN * vector_of<T>(s.across));
@@ -298,7 +320,7 @@ struct Contact {
         Vec3<T> middle = of_balls.position + of_balls.R_WN * vector_of<T>(balls.at[k]);
         if (surface.shape == kPlane) {
           const Vec3<T> n = of_surface.R_WN * vector_of<T>(surface.axis);
-          if (balls.shape == kWheel) middle += lowest(balls, of_balls, n);
+          if (balls.shape == kWheel || balls.shape == kEllipsoid) middle += lowest(balls, of_balls, n);
           const T height = dot(n, middle - of_surface.position);
           take(index++, Touch<T>{n, middle - (T(0.5) * (height + T(balls.ball))) * n, T(balls.ball) - height, i, share});
           continue;

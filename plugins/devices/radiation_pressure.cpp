@@ -47,8 +47,12 @@ struct RadiationPressure {
   static bool pack(const Params& params, Packed& p) {
     const auto n = [&](const char* name) { return params.number(name); };
     const Eigen::Vector3d normal = params.vector("normal");
-    p = {n("area") / kLight,     n("coefficient"),          n("specular"), n("diffuse"), {normal[0], normal[1], normal[2]},
-         params.choice("shape"), params.truth("both_sides")};
+    p = {n("area") / kLight, 0.0, 0.0, 0.0, {normal[0], normal[1], normal[2]}, params.choice("shape"), 0};
+    if (p.shape == sphere) {
+      p.coefficient = n("coefficient");
+      return true;
+    }
+    p.specular = n("specular"), p.diffuse = n("diffuse"), p.both_sides = params.truth("both_sides");
     return p.specular + p.diffuse <= 1.0 || params.fail("diffuse", "at most 1 with `specular`");
   }
 

@@ -81,9 +81,19 @@ struct Tank {
 
   static bool pack(const Params& params, Packed& p) {
     const Eigen::Vector3d x = params.vector("position"), u = params.vector("axis");
-    p = {{x[0], x[1], x[2]},        {u[0], u[1], u[2]},        params.number("radius"),   params.number("length"),
-         params.number("density"),  params.number("residual"), params.number("pressure"), params.number("loaded"),
-         params.number("exponent"), params.choice("shape"),    params.choice("fill")};
+    p = {.position = {x[0], x[1], x[2]},
+         .axis = {u[0], u[1], u[2]},
+         .radius = params.number("radius"),
+         .length = 0.0,
+         .density = params.number("density"),
+         .residual = params.number("residual"),
+         .pressure = params.number("pressure"),
+         .loaded = 0.0,
+         .exponent = 1.0,
+         .shape = params.choice("shape"),
+         .fill = params.choice("fill")};
+    if (p.shape == kCylinder) p.length = params.number("length");
+    if (p.pressure > 0.0) p.loaded = params.number("loaded"), p.exponent = params.number("exponent");
     if (p.shape == kCylinder && !(p.length > 0.0)) return params.fail("length", "a length > 0 of a cylinder");
     if (p.fill == kBall && p.shape != kSphere) return params.fail("fill", "even or settled: a ball is in the middle of a sphere");
     if ((p.fill != kEven || p.pressure > 0.0) && !(p.density > 0.0))
