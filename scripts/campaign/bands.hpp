@@ -31,8 +31,8 @@ struct BandRequest {
 };
 /// Throws InputError C0208 where the scenario has no such channel.
 void expect_channels(const BandRequest& request, const std::vector<Channel>& channels);
-/// Of runs that came to their end, from the run.h5 of each. A run without it, or without the channel, is left out. Throws InputError C0702
-/// where one cannot be read.
+/// Of runs that came to their end, from the run.h5 of each. A run without the channel is left out. Throws InputError where one
+/// cannot be read (C0702) or is not there.
 std::vector<Band> bands_of(const BandRequest& request, const std::vector<CampaignRun>& runs);
 
 }  // namespace cardan

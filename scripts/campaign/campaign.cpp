@@ -68,10 +68,10 @@ bool is_done(const CampaignRun& run) {
 }
 
 /// The run as an earlier campaign left it: done where it was of the same input, and ended by itself.
-void look_for(CampaignRun& run, const std::string& input) {
+void look_for(CampaignRun& run, const Campaign& c) {
   try {
     const Json ending = Json::parse(read_text_file((run.folder / kEnding).string()));
-    if (ending.at("input") != input || ending.at("seed") != run.seed) return;
+    if (ending.at("input") != c.input || ending.at("seed") != run.seed) return;
     run.ending.how = RunEnding::How::ended;
     run.ending.exit_code = ending.at("exit_code"), run.ending.text = ending.at("text"), run.ending.wall_s = ending.at("wall_s");
     run.ending.complaints = ending.at("complaints").get<std::vector<std::string>>();
@@ -81,7 +81,9 @@ void look_for(CampaignRun& run, const std::string& input) {
     return;
   }
   read_summary(run);
-  run.done = run.was_there = is_done(run);
+  std::error_code ignored;
+  const bool gone = c.read_later && run.measured() && !fs::exists(run.folder / kResults, ignored);
+  run.done = run.was_there = is_done(run) && !gone;
 }
 
 ProgramOrder order_for(const Campaign& c, const CampaignRun& run) {
@@ -128,7 +130,7 @@ std::vector<CampaignRun> run_campaign(const Campaign& c) {
     CampaignRun& run = runs[i];
     run.seed = c.first + i, run.folder = c.out / fmt::format("seed_{}", run.seed);
     run.ending.how = RunEnding::How::not_run;
-    look_for(run, c.input);
+    look_for(run, c);
     if (!run.done && i % c.shards == c.shard - 1) waiting.push_back(&run);
   }
   std::vector<Going> going;

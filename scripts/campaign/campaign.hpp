@@ -37,6 +37,7 @@ struct Campaign {
   std::uint64_t shard = 1, shards = 1;           // of the runs every `shards`-th is made, from the `shard`-th on
   int jobs = 1;                                  // side by side
   bool lean = false;                             // no run.h5 of runs that passed
+  bool read_later = false;                       // run.h5 of all is wanted: one whose is gone is made anew
   std::function<void(const CampaignRun&)> told;  // called when one has been run, in any order
   std::function<bool()> stop;                    // true: start no more, end those that run
 };

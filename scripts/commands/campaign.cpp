@@ -104,7 +104,7 @@ int campaign(const CampaignArguments& a, bool as_json) {
     refuse(Code::cannot_write, {{}, {c.out.string()}}, "a place that can be written to", error.message(), "--out DIR chooses another");
   c.program = fs::read_symlink("/proc/self/exe").string();
   c.jobs = a.jobs > 0 ? a.jobs : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
-  c.lean = a.lean;
+  c.lean = a.lean, c.read_later = !a.plots.empty();
   const Interruption interruption;
   c.stop = [] { return Interruption::flag().load(); };
   c.told = [](const CampaignRun& run) { say(line_of(run) + "\n"); };
@@ -125,7 +125,13 @@ int campaign(const CampaignArguments& a, bool as_json) {
   if (done < runs.size())
     say(fmt::format("{} of {} runs were ended from outside: the same command makes them again\n", runs.size() - done, runs.size()));
   const std::vector<Quantity> quantities = quantities_of(runs);
-  const std::vector<Band> bands = bands_of(request, runs);
+  std::vector<Diagnostic> unwritten;
+  std::vector<Band> bands;
+  try {
+    bands = bands_of(request, runs);
+  } catch (const InputError& e) {  // the run.h5 of one: the numbers of all are told
+    unwritten = e.diagnostics();
+  }
   const std::string title = scenario->mission.title.empty() ? folder.string() : scenario->mission.title;
   const Json about = {{"title", title},
                       {"scenario", a.scenario.file},
@@ -136,7 +142,6 @@ int campaign(const CampaignArguments& a, bool as_json) {
                       {"runs_planned", c.runs}};
   const Json all = campaign_json(about, runs, quantities, bands);
   const ResultFolder out(c.out, {kJson, kTable, kPage});
-  std::vector<Diagnostic> unwritten;
   for (const auto& [name, text] : {std::pair{kJson, json_text_with_nulls(all)},
                                    {kTable, campaign_csv(runs, quantities)},
                                    {kPage, page::filled("Campaign: " + title, all, page::campaign())}})

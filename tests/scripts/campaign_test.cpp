@@ -234,6 +234,25 @@ TEST_F(CampaignOf, ChannelsSpreadOverTime) {
   EXPECT_EQ(campaign({"--runs", "31", "--plot", "hinges/panel/angle", "--lean"}).exit_code, 2);
 }
 
+/// Bands are of all runs or none: those whose run.h5 is gone are made again, and one that cannot be read keeps no other number back.
+TEST_F(CampaignOf, BandsLeaveNoRunOutInSilence) {
+  ASSERT_LE(campaign({"-n", "5", "--lean"}).exit_code, 1);
+  EXPECT_FALSE(fs::exists(dir_ / "c/seed_2/run.h5"));
+  const std::vector<std::string> plotted = {"-n", "5", "--plot", "hinges/panel/angle"};
+  ASSERT_LE(campaign(plotted).exit_code, 1);
+  EXPECT_EQ(results()["bands"][0]["runs"][0], 5);
+  write(dir_ / "c/seed_2/run.h5", "no longer");
+  const Finished damaged = campaign(plotted);
+  EXPECT_EQ(damaged.exit_code, 4);
+  EXPECT_TRUE(has(damaged.err, "C0702") && has(damaged.err, "seed_2/run.h5")) << damaged.err;
+  EXPECT_EQ(results()["bands"].size(), 0u);
+  EXPECT_EQ(results()["runs_done"], 5);
+  EXPECT_EQ(quantity("stiffness")["values"].size(), 5u);
+  fs::remove(dir_ / "c/seed_2/run.h5");
+  ASSERT_LE(campaign(plotted).exit_code, 1);
+  EXPECT_EQ(results()["bands"][0]["runs"][0], 5);
+}
+
 TEST_F(CampaignOf, AnInterruptedOneGoesOn) {
   use(R"(parameters { a = { 0, normal = 1 } }
 vehicle "vehicle.yaml"
