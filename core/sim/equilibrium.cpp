@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <optional>
 
 #include "core/base/diagnostic.hpp"
@@ -105,6 +106,7 @@ class Search {
       else
         place(nearest), course.iterations = down.iterations;
     }
+    if (course.reached()) unwind(start);
     Equilibrium out;
     out.q = trial_.state().q, out.v = trial_.state().v;
     out.iterations = course.iterations, out.reached = course.reached();
@@ -317,6 +319,27 @@ class Search {
     }
     place(from);
     return false;
+  }
+
+  /// Takes back the whole turns that hinges of one angle have made, where nothing then pushes otherwise: without springs, stops or
+  /// couplings of that angle it is the same posture, nearer to the start.
+  void unwind(const State& start) {
+    constexpr double turn = 2.0 * std::numbers::pi;
+    for (const UserBody& u : m_.user) {
+      if (u.nq != 1 || u.nv != 1 || !turns_[static_cast<std::size_t>(u.v)] || !moves_[static_cast<std::size_t>(u.v)]) continue;
+      const State wound = trial_.state();
+      const double turns = std::round((wound.q[u.q] - start.q[u.q]) / turn);
+      if (turns == 0.0) continue;
+      Slope slope = slope_here();
+      VectorXd sizes;
+      slope.set_sizes(sizes);
+      const VectorXd r = slope.r(trial_.vdot());
+      State back = wound;
+      back.q[u.q] -= turns * turn;
+      if (!place(back) || !(largest(slope.scaled(slope.r(trial_.vdot()) - r)) <= kStalled) ||
+          !(largest(trial_.state().q - back.q) <= kStalled))
+        place(wound);
+    }
   }
 
   void tell(Equilibrium& out, bool settled) {

@@ -244,6 +244,33 @@ TEST(Equilibrium, OfSprungChainsUnderTheirWeightIsFoundInAll) {
 }
 
 /// A four-bar linkage on a spring and under its weight, closed in each form: where its energy has no slope.
+/// A chain that is crumpled swings over on its way down: it hangs there with each hinge within half a turn of where it began, rather than
+/// whole turns beyond. A soft spring counts turns: they stay, or the posture would be no equilibrium.
+TEST(Equilibrium, CountsNoWholeTurnsThatNothingFeels) {
+  const std::vector<double> start = {-1.5837114615753929, -2.3810037946157054,  -0.62365054433591371, -2.0701663751855381,
+                                     -2.6009094259224605, -0.59045391308955075, 2.5077302585263137,   1.8027141089748513};
+  for (const double stiffness : {0.0, 1e-3}) {
+    std::vector<BodySpec> links;
+    std::vector<std::string> names;
+    for (std::size_t i = 0; i < start.size(); ++i) {
+      names.push_back("link" + std::to_string(i));
+      links.push_back(on(rigid(names[i], 1.0, {0.5, 0, 0}, diagonal({0.001, 0.083, 0.083})), i > 0 ? names[i - 1] : "", "revolute",
+                         {{0, 1, 0}}, i > 0 ? Vector3d(1, 0, 0) : Vector3d(0, 0, 0)));
+      links.back().hinge.q = {start[i]};
+      if (stiffness > 0.0) links.back().hinge.springs = {{.stiffness = stiffness}};
+    }
+    Simulation sim(compiled(system(links, uniform_gravity({0, 0, -kWeight}))), {});
+    const Equilibrium found = find_equilibrium(sim, {.move = named(sim.model(), names)});
+    ASSERT_TRUE(found.reached) << found.message;
+    EXPECT_TRUE(found.statically_stable);
+    EXPECT_LT(found.residual, 1e-9);
+    double farthest = 0.0;
+    for (std::size_t i = 0; i < start.size(); ++i)
+      farthest = std::max(farthest, std::abs(found.q[static_cast<Eigen::Index>(i)] - start[i]));
+    EXPECT_EQ(farthest <= std::numbers::pi, stiffness == 0.0) << farthest;
+  }
+}
+
 TEST(Equilibrium, OfAMechanismIsWhereItsEnergyHasNoSlope) {
   std::vector<double> crank;
   for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers, LoopForm::dae}) {
