@@ -20,9 +20,9 @@ FeModes craig_bampton(const FeModel& model, const std::vector<int>& held, const 
   // Constraint mode j: column j of `unit` at the interface, zero at `held`, no force on any other dof.
   const FreePart free(model.n_dofs(), fixed);
   const MatrixXd force = model.K * unit;
-  MatrixXd load(free.dofs.size(), n_constraint);
+  MatrixXd load(free.dofs.size(), n_constraint), constraint = unit;
   for (std::size_t i = 0; i < free.dofs.size(); ++i) load.row(i) = -force.row(free.dofs[i]);
-  const MatrixXd constraint = unit + free.expand(SparseFactor(free.block(model.K)).solve(load));
+  if (!free.dofs.empty()) constraint += free.expand(SparseFactor(free.block(model.K)).solve(load));
 
   // K couples the two sets nowhere; M does. Solve the small problem, scaled so that both diagonals of M are one.
   MatrixXd basis(model.n_dofs(), m);

@@ -152,6 +152,8 @@ MatrixXd FreePart::expand(const MatrixXd& x) const {
 
 FeModes normal_modes(const FeModel& model, const std::vector<int>& held, int count, RigidModes policy, const Located& at) {
   const FreePart free(model.n_dofs(), held);
+  const FeModes none{VectorXd(0), MatrixXd(model.n_dofs(), 0)};
+  if (count == 0 && free.dofs.empty()) return none;
   if (free.dofs.empty()) refuse(at, {}, Code::fe_model, "degrees of freedom that are not held", "none: every node is held");
   const MatrixXd rigid = rigid_motions(model, held, at);
   const int n_rigid = static_cast<int>(rigid.cols());
@@ -165,6 +167,7 @@ FeModes normal_modes(const FeModel& model, const std::vector<int>& held, int cou
     sigma = -weight_estimate(model, at);
   else
     at_zero.emplace(stiffness_factor(model, K, free.dofs, at));
+  if (count == 0) return none;
 
   Eigenpairs pairs, beyond;
   try {

@@ -25,7 +25,8 @@ enum class RigidModes { refuse, remove };
 FeModes normal_modes(const FeModel&, const std::vector<int>& held, int count, RigidModes, const Located& at);
 
 /// Craig and Bampton (1968): `count` lowest modes with `held` and `interface` at rest, and one static mode for each column
-/// of `unit` (zero but at `interface`), the two sets then orthogonalised into count + unit.cols() modes.
+/// of `unit` (zero but at `interface`), the two sets then orthogonalised into count + unit.cols() modes. Of count 0 the static
+/// condensation of Guyan (1965) is left.
 FeModes craig_bampton(const FeModel&, const std::vector<int>& held, const std::vector<int>& interface, const Eigen::MatrixXd& unit,
                       int count, const Located& at);
 

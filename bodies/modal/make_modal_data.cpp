@@ -29,13 +29,13 @@ constexpr int kFirstBatch = 20, kMostModes = 500, kForEffectiveMass = 60;
 void check_choice(const ModalSource& source) {
   const ModeChoice& c = source.modes;
   const auto in_range = [](double x, double most) { return x >= 0.0 && x <= most; };
-  if (c.count < 0 || c.count > kMostModes)
-    refuse(source.at, "modes.count", Code::out_of_range, fmt::format("0 ... {}", kMostModes), fmt::format("{}", c.count));
+  if (const int fewest = source.boundary == Boundary::craig_bampton ? 0 : 1; c.count && (*c.count < fewest || *c.count > kMostModes))
+    refuse(source.at, "modes.count", Code::out_of_range, fmt::format("{} ... {}", fewest, kMostModes), fmt::format("{}", *c.count));
   if (!in_range(c.max_frequency, INFINITY))
     refuse(source.at, "modes.max_frequency", Code::out_of_range, "a number >= 0 [Hz]", fmt::format("{}", c.max_frequency));
   if (!in_range(c.effective_mass, 1.0))
     refuse(source.at, "modes.effective_mass", Code::out_of_range, "0 ... 1", fmt::format("{}", c.effective_mass));
-  if (c.count == 0 && c.max_frequency == 0.0 && c.effective_mass == 0.0)
+  if (!c.count && c.max_frequency == 0.0 && c.effective_mass == 0.0)
     refuse(source.at, "modes", Code::missing_key, "count, max_frequency or effective_mass", "none of them");
   if (c.effective_mass > 0.0 && source.boundary != Boundary::cantilever)
     refuse(source.at, "modes.effective_mass", Code::unsupported, "the cantilever boundary", "another one",
@@ -45,14 +45,14 @@ void check_choice(const ModalSource& source) {
 /// The modes among which is chosen: as many as the limits can keep, at least.
 FeModes candidates(const FeModel& model, const std::vector<int>& held, RigidModes rigid, const ModalSource& source) {
   const ModeChoice& choice = source.modes;
-  const int n_free = static_cast<int>(FreePart(model.n_dofs(), held).dofs.size());
-  if (choice.count > 0 || choice.max_frequency == 0.0)
-    return normal_modes(model, held, choice.count > 0 ? choice.count : std::min(kForEffectiveMass, n_free / 2), rigid, source.at);
+  const int most = std::max(1, static_cast<int>(FreePart(model.n_dofs(), held).dofs.size()) / 2);
+  if (choice.count || choice.max_frequency == 0.0)
+    return normal_modes(model, held, choice.count.value_or(std::min(kForEffectiveMass, most)), rigid, source.at);
   const double limit = std::pow(2 * std::numbers::pi * choice.max_frequency, 2);
-  for (int count = std::min(kFirstBatch, n_free / 2);; count = std::min(2 * count, n_free / 2)) {
+  for (int count = std::min(kFirstBatch, most);; count = std::min(2 * count, most)) {
     FeModes modes = normal_modes(model, held, count, rigid, source.at);
     if (modes.omega2(count - 1) > limit) return modes;
-    if (count >= n_free / 2 || 2 * count > kMostModes)
+    if (count >= most || 2 * count > kMostModes)
       refuse(source.at, "modes.max_frequency", Code::out_of_range, fmt::format("a limit that keeps fewer than {} modes", count + 1),
              fmt::format("{} Hz, above mode {} at {:.6g} Hz", choice.max_frequency, count,
                          std::sqrt(modes.omega2(count - 1)) / (2 * std::numbers::pi)),
@@ -147,7 +147,7 @@ class ModeDoubts {
           fmt::format("the modes kept carry at most {:.3g} % of the effective mass in any direction ({})", 100.0 * share, direction(best)),
           "the rest moves as if it were rigid; keep more modes");
     const double wanted = source_.modes.effective_mass;
-    if (wanted == 0.0 || source_.modes.count > 0 || source_.modes.max_frequency > 0.0) return;
+    if (wanted == 0.0 || source_.modes.count || source_.modes.max_frequency > 0.0) return;
     std::string short_of;  // of the directions that were to reach the share
     for (Eigen::Index d = 0; d < 6; ++d)
       if (all(d) > kMatters * rigid_(d) && kept(d) < (2.0 * wanted - 1.0 - kRounding) * rigid_(d))

@@ -2,6 +2,7 @@
 // The one door to the modes of a flexible body: a plain description in SI, and the modal data made from it. It runs
 // before compile, never in a step. Axes and origin are those of the body frame B; see docs/mathematics/modes.md.
 #include <Eigen/Core>
+#include <optional>
 #include <string>
 #include <variant>
 #include <vector>
@@ -142,7 +143,7 @@ enum class Boundary {
 
 /// Which modes are kept. All limits given apply together; at least one must be given. Constraint modes are always kept.
 struct ModeChoice {
-  int count = 0;                // at most this many normal modes, the lowest; 0: no limit
+  std::optional<int> count;     // at most this many normal modes, the lowest; 0 (craig_bampton only): constraint modes alone
   double max_frequency = 0.0;   // [Hz] none above; 0: no limit
   double effective_mass = 0.0;  // of those left, in each of the six directions the largest until they reach this share
                                 // (0 ... 1) of the effective mass of all computed modes (60 if no other limit is

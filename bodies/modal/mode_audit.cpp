@@ -57,9 +57,9 @@ std::vector<ModeRecord> audit_modes(const FeModel& model, const FeModes& modes, 
     r.effective_mass = resultants.col(j).cwiseAbs2();
     r.kind = "normal";
     r.reason = "all are kept";
-    if (choice.count > 0) {
-      r.kept = j < choice.count;
-      r.reason = fmt::format("{} the {} lowest", r.kept ? "among" : "not among", choice.count);
+    if (choice.count) {
+      r.kept = j < *choice.count;
+      r.reason = fmt::format("{} the {} lowest", r.kept ? "among" : "not among", *choice.count);
     }
     if (choice.max_frequency > 0 && r.kept) {
       r.kept = r.frequency <= choice.max_frequency;

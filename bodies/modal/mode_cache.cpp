@@ -90,7 +90,7 @@ class Content {
   }
   void add(const ModeChoice& x) {
     const auto& [count, max_frequency, effective_mass] = x;
-    all(count, max_frequency, effective_mass);
+    all(count.value_or(-1), max_frequency, effective_mass);
   }
   void add(const NamedPoint& x) {
     const auto& [name, position, interface, R_BN, nodes] = x;

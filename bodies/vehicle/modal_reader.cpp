@@ -307,7 +307,7 @@ class ModalReader {
     }
     if (const auto modes = map.require("modes", "at least one of {count, max_frequency, effective_mass}")) {
       MapReader reader(*modes, context_);
-      if (const auto count = reader.find("count")) source.modes.count = read_integer(*count, 1, context_);
+      if (const auto count = reader.find("count")) source.modes.count = read_integer(*count, 0, context_);
       if (const auto limit = reader.find("max_frequency")) source.modes.max_frequency = read_number(*limit, "Hz", context_);
       if (const auto share = reader.find("effective_mass")) source.modes.effective_mass = read_number(*share, "1", context_);
       reader.finish();

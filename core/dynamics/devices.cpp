@@ -55,8 +55,8 @@ DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devi
       Mounts& read = d.acts && (m.use & CARDAN_USE_ACCELERATION) == 0 ? in_steps_ : between_;
       const bool pushes = (m.use & CARDAN_USE_LOAD) != 0;
       if (m.v < 0 && m.node < 0) {  // a field, the ground, or a hinge that is held or gone
-        double* R = motions_[mount].R_WN;
-        if (d.family->mounts[i].kind == CARDAN_MOUNT_NODE) R[0] = R[4] = R[8] = 1.0;
+        if (d.family->mounts[i].kind == CARDAN_MOUNT_NODE)
+          put_pose_and_velocity<double>({m.ground.R, m.ground.p, {}, {}, {}}, mount, into(motions_));
         if (m.still) motions_[mount].q = m.still->q;
         continue;
       }

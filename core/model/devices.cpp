@@ -181,7 +181,10 @@ class DeviceCompiler {
       rigid_body(spec, desc, target);
     }
     m.node = model_.find_node(target);
-    if (desc.kind == CARDAN_MOUNT_NODE && target == "world" && may_be_ground(spec, desc)) return m;
+    if (desc.kind == CARDAN_MOUNT_NODE && target == "world" && may_be_ground(spec, desc)) {
+      m.ground = {from_eigen(given->second.R), from_eigen(given->second.position)};
+      return m;
+    }
     if (m.node < 0 && desc.kind == CARDAN_MOUNT_NODE) {
       std::vector<std::string> names;
       if (may_be_ground(spec, desc)) names.emplace_back("world");

@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/base/units.hpp"
+#include "core/model/params.hpp"
 #include "core/model/validate.hpp"
 
 namespace cardan {
@@ -165,6 +166,22 @@ Warnings idle_at_hinges(const Model& model, const std::vector<std::string>& but)
         found.add(Code::no_effect, model.spec->locate(fmt::format("devices.{}.{}", d.name, d.family->mounts[i].name)),
                   fmt::format("the hinge of {} is locked: it is read at rest, and to push there has no effect", in_quotes(target)));
     }
+  return found;
+}
+
+std::vector<std::string> keys_not_read(const Model& model, const Device& device) {
+  const cardan_device_family& f = *device.family;
+  return keys_not_read(*model.spec, {"devices." + device.name, f.type, model.spec->devices[static_cast<std::size_t>(device.spec)].params},
+                       {{f.params, f.n_params}, f.params_size, f.pack, f.packed_size});
+}
+
+Warnings idle_keys(const Model& model) {
+  Warnings found;
+  for (const Device& d : model.devices.all)
+    for (const std::string& key : keys_not_read(model, d))
+      if (model.spec->devices[static_cast<std::size_t>(d.spec)].params.contains(key))
+        found.add(Code::no_effect, model.spec->locate(fmt::format("devices.{}.{}", d.name, key)),
+                  fmt::format("`{}` does not apply to {} as its other keys choose it", key, d.name));
   return found;
 }
 

@@ -12,6 +12,11 @@ Warnings held_back(const SystemSpec& spec, const std::vector<std::string>& but =
 /// Devices at such hinges.
 Warnings idle_at_hinges(const Model& model, const std::vector<std::string>& but = {});
 
+/// Keys of the schema of a device that do not apply as its other keys choose it, as the length of a sphere; and those of them that are
+/// given.
+std::vector<std::string> keys_not_read(const Model& model, const Device& device);
+Warnings idle_keys(const Model& model);
+
 /// About a vehicle that begins at (q, v): hinges beyond their stops, devices that push one body against itself, rates that closed loops
 /// were given by the assembler and that nobody can have meant.
 Warnings doubts_at_start(const Model& model, const double* q, const double* v);

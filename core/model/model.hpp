@@ -78,6 +78,7 @@ struct DeviceMount {
   /// Of a hinge component that is not there, as the hinge is locked or gone: it is read there, at rest, and pushing has no effect.
   std::optional<DeviceSpec::Mount::Last> still{};
   int field = -1, at = -1;  // index into Model::fields, and which mount of the device tells the place; -1: it is no field
+  Pose<double> ground{};    // of one at the world: its axes and origin
 };
 
 /// Of what a plugin brought and no part of the program or of its script.

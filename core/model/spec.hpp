@@ -103,10 +103,12 @@ struct BodySpec {
 
 /// What acts on the vehicle or measures it and is neither a body nor a hinge.
 struct DeviceSpec {
-  /// Where it is mounted: a node ("bus.hook", or a body for its origin) or a component of a hinge ("boom", "boom.rate").
+  /// Where it is mounted: a node ("bus.hook", or a body for its origin), a component of a hinge ("boom", "boom.rate") or the world.
   struct Mount {
     std::string target;
     Located at;
+    Eigen::Vector3d position = Eigen::Vector3d::Zero();  // [m] in the world, ...
+    Eigen::Matrix3d R = Eigen::Matrix3d::Identity();     // ... and the axes there to its axes
     /// Of a hinge component that a change of the vehicle has taken away: where it was, and whether it turns.
     struct Last {
       double q;

@@ -234,6 +234,23 @@ class VehicleReader {
     }
   }
 
+  DeviceSpec::Mount read_mount(const DocRef& value, const cardan_mount_desc& desc) {
+    DeviceSpec::Mount mount;
+    mount.at = value.at();
+    if (desc.kind != CARDAN_MOUNT_NODE || value.node->kind != Kind::map) {
+      mount.target = read_text(value, desc.meaning, context_);
+      return mount;
+    }
+    MapReader map(value, context_);
+    mount.target = map.text("body", "world");
+    read_place_keys(map, mount.position, mount.R);
+    map.finish();
+    if (mount.target != "world" && !mount.target.empty())
+      context_.sink.report(Code::wrong_type, value.at(), "a place of the world", "one of " + in_quotes(mount.target),
+                           "give the body a node there, and mount the device at its name");
+    return mount;
+  }
+
   void read_device(const std::string& name, const DocRef& value) {
     MapReader map(value, context_);
     if (!map.is_map()) return;
@@ -245,7 +262,7 @@ class VehicleReader {
     if (!family) return spec_.devices.push_back(std::move(device));  // reported by validate(); its keys depend on the type
     for (uint32_t i = 0; i < family->n_mounts; ++i)
       if (const auto mount = map.find(family->mounts[i].name))
-        device.mounts[family->mounts[i].name] = {read_text(*mount, family->mounts[i].meaning, context_), mount->at()};
+        device.mounts[family->mounts[i].name] = read_mount(*mount, family->mounts[i]);
     const bool turning = turns(described_, registry_, device, *family);
     read_params(map, schema_where(turning, *family), device.params);
     if (family->tick)

@@ -77,6 +77,7 @@ void Simulation::fault(PortFault f, const SourceMark& told) {
   if (f.from < state_.t)
     refuse(Code::out_of_range, {at.key_path + ".from", told}, fmt::format("a time [s] from now on, {:g} s", state_.t),
            fmt::format("{:g} s", f.from));
+  f.from = std::max(state_.t, on_ticks(f.from)), f.until = on_ticks(f.until);
   if ((f.noise != 0.0 || f.drop != 0.0) && !d->family->tick)
     refuse(Code::out_of_range, {at.key_path + (f.noise != 0.0 ? ".noise" : ".drop"), told},
            "a device that samples: they are drawn at its ticks", fmt::format("{}, a {}, which does not", d->name, d->family->type));

@@ -4,7 +4,7 @@
 
 #include "core/base/version.hpp"
 #include "core/io/sha256.hpp"
-#include "core/model/params.hpp"
+#include "core/model/doubts.hpp"
 #include "core/sim/description.hpp"
 #include "core/sim/mode_pictures.hpp"
 #include "core/soa/kernels.hpp"
@@ -29,13 +29,9 @@ std::vector<std::pair<std::string, std::string>> initial_values(const Model& m, 
 /// Without those keys of devices that by another one do not apply, as the length of a sphere.
 std::vector<std::pair<std::string, std::string>> defaults_used(const Model& m) {
   auto all = m.spec->defaults_used;
-  for (const Device& d : m.devices.all) {
-    const cardan_device_family& f = *d.family;
-    const std::string path = "devices." + d.name;
-    for (const std::string& key : keys_not_read(*m.spec, {path, f.type, m.spec->devices[static_cast<std::size_t>(d.spec)].params},
-                                                {{f.params, f.n_params}, f.params_size, f.pack, f.packed_size}))
-      std::erase_if(all, [&](const auto& used) { return used.first == fmt::format("{}.{}", path, key); });
-  }
+  for (const Device& d : m.devices.all)
+    for (const std::string& key : keys_not_read(m, d))
+      std::erase_if(all, [&](const auto& used) { return used.first == fmt::format("devices.{}.{}", d.name, key); });
   return all;
 }
 

@@ -62,6 +62,11 @@ std::optional<Instant> to_instant(double t) {
   return instant.seconds() == t ? std::optional(instant) : std::nullopt;
 }
 
+double on_ticks(double t) {
+  const std::optional<Rational> ratio = to_rational(t);
+  return ratio ? instant_of(ratio->numerator, ratio->denominator).seconds() : t;
+}
+
 std::optional<Instant> later(const Instant& i, double duration) {
   const std::optional<Rational> more = to_rational(duration);
   if (!more) return std::nullopt;

@@ -34,6 +34,8 @@ struct Instant {
 };
 /// The instant whose double is t [s], where that is a ratio as to_rational() finds it; empty: t is somewhere between.
 std::optional<Instant> to_instant(double t);
+/// t [s] as the ticks there have it: of 0.1 * 3, a rounding beyond the tick at 0.3 s, that one. As it is where it is no ratio.
+double on_ticks(double t);
 /// `duration` [s] after it; empty where that is no ratio, or the sum has too fine a unit.
 std::optional<Instant> later(const Instant& instant, double duration);
 /// The first k * period after t [s], k = 0, 1, ...

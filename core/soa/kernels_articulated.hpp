@@ -43,16 +43,17 @@ CARDAN_INLINE T inertia_scale(const ArticulatedInertia<T>& P, const Motion<T>& H
 }
 
 /// Cholesky factor of D = H P H* and the gain, for NV columns. `fixed[j]`: component j follows a prescribed motion and takes
-/// no part. Returns false at a direction without inertia.
+/// no part. `whole`: where modes were eliminated, the inertia before. Returns false at a direction without inertia.
 template <class T, int NV>
-static bool factor_hinge(const ArticulatedInertia<T>& P, Hinge<T, NV>& hinge, const std::uint8_t* fixed, Force<T>* half, Breakdown& bad) {
+static bool factor_hinge(const ArticulatedInertia<T>& P, Hinge<T, NV>& hinge, const std::uint8_t* fixed, Force<T>* half, Breakdown& bad,
+                         const ArticulatedInertia<T>* whole = nullptr) {
   using std::sqrt;
   Force<T> PH[NV];
   T D[NV * (NV + 1) / 2];
   T scale[NV];
   for (int j = 0; j < NV; ++j) {
     PH[j] = P * hinge.H[j];
-    scale[j] = inertia_scale(P, hinge.H[j]);
+    scale[j] = inertia_scale(whole ? *whole : P, hinge.H[j]);
     if (fixed && fixed[j]) PH[j] = {};
     for (int i = 0; i <= j; ++i) D[j * (j + 1) / 2 + i] = fixed && fixed[i] ? T(0) : dot(hinge.H[i], PH[j]);
     if (fixed && fixed[j]) D[j * (j + 1) / 2 + j] = T(1);
@@ -70,7 +71,8 @@ static bool factor_hinge(const ArticulatedInertia<T>& P, Hinge<T, NV>& hinge, co
     for (int l = 0; l < j; ++l) pivot = pivot - Lj[l] * Lj[l];
     const bool is_fixed = fixed && fixed[j];
     if (!is_fixed && !(pivot > T(kSmallPivot) * scale[j])) {
-      const T limit = rounding_of_pivot([&](int l, int i) { return hinge.L[l * (l + 1) / 2 + i]; }, scale, j);
+      const T limit =
+          T(whole ? kRoundingOfModes : 1.0) * rounding_of_pivot([&](int l, int i) { return hinge.L[l * (l + 1) / 2 + i]; }, scale, j);
       if (!(pivot > limit)) {
         bad.component = j;
         bad.value = static_cast<double>(pivot);
@@ -206,7 +208,7 @@ static bool inertia_through_hinge(const SweepModel& model, Workspace<T>& ws, int
   bad.body = k;
   Force<T> half[NV > 0 ? NV : 1];
   if constexpr (NV > 0)
-    if (!factor_hinge<T, NV>(modal.P_r, hinge, fixed, half, bad)) {
+    if (!factor_hinge<T, NV>(modal.P_r, hinge, fixed, half, bad, b.n_modes > 0 ? &ws.core(k).P : nullptr)) {
       ws.breakdown = bad;
       return false;
     }

@@ -68,6 +68,8 @@ template <class T, class L>
   }
   return T(kPivotLimit) * root * root;
 }
+/// So many times more where modes were eliminated before: as many as move all mass of their body leave nothing but rounding.
+inline constexpr double kRoundingOfModes = 10.0;
 /// Its square root in square-root form: what is left of it after the rounding of six reflected columns.
 inline constexpr double kRootPivotLimit = 2e-15;
 

@@ -24,13 +24,24 @@ const DocNode* made_modes(const BodySpec& body) {
   return nullptr;
 }
 
+/// Modes of it that stay whatever is asked for: six constraint modes of each interface.
+int constraint_modes(const BodySpec& body) {
+  const DocNode *boundary = body.modal_source->find("boundary"), *nodes = body.modal_source->find("nodes");
+  if (!boundary || boundary->text != "craig_bampton" || !nodes) return 0;
+  return 6 * static_cast<int>(std::ranges::count_if(nodes->items, [](const DocNode& node) {
+           const DocNode* interface = node.find("interface");
+           return interface && interface->text == "true";
+         }));
+}
+
 void of_body(const BodySpec& body, std::vector<Simplification>& out) {
   if (!body.modal) return;
   const std::string path = "vehicle.bodies." + body.name;
   if (const DocNode* source = made_modes(body)) {
-    for (int n = body.modal->n_modes - 1; n >= 1; --n)
+    const int stay = constraint_modes(body);
+    for (int n = body.modal->n_modes - stay - 1; n >= (stay > 0 ? 0 : 1); --n)
       out.push_back({"modes of " + body.name,
-                     fmt::format("{}: {} of {} modes", body.name, n, body.modal->n_modes),
+                     fmt::format("{}: {} of {} modes", body.name, n + stay, body.modal->n_modes),
                      {{path + ".modal.modes.count", fmt::format("{}", n)}},
                      {}});
     for (const char* kind : {"beam", "plate"})

@@ -237,7 +237,7 @@ void examine(Scenario& s) {
   look_at_dates(s);
   if (!scripts_act(s))
     s.warnings.add(held_back(*s.model->spec)), s.warnings.add(idle_at_hinges(*s.model)), s.warnings.add(still_hinges(*s.sim));
-  s.warnings.add(unheeded_validity(*s.model));
+  s.warnings.add(unheeded_validity(*s.model)), s.warnings.add(idle_keys(*s.model));
   look_at_sizes(s);
   s.warnings.add(FlexibleLimits(*s.sim).expected(*s.sim, s.mission.duration));
 }

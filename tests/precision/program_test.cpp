@@ -378,6 +378,33 @@ bodies:
   EXPECT_TRUE(data()["model"].is_null());
 }
 
+/// Constraint modes stay: fewer modes are fewer of those with the interface held.
+TEST_F(Precision, ABudgetLeavesConstraintModes) {
+  scene(R"(local sat = vehicle "vehicle.yaml"
+mission { duration = "1 s", integrator = { method = "dopri5", relative = 1e-7 }, output = { rate = "1 Hz" }, checkpoint = { never = true } }
+)",
+        R"(cardan: 1
+bodies:
+  bus: {mass: 200 kg, inertia: [40, 50, 60], hinge: {type: free, to: world, initial: {angular_velocity: [0.02, 0.01, 0.03]}}}
+  boom:
+    type: modal_flexible
+    modal:
+      beam: {length: 3 m, material: {E: 70 GPa, rho: 2700}, section: {tube: {radius: 3 cm, wall: 1 mm}}, elements: 4}
+      boundary: craig_bampton
+      modes: {count: 2}
+      nodes: {tip: {position: [3, 0, 0], interface: true}}
+    hinge: {type: locked, to: bus}
+)");
+  const Finished run = precision({"--methods", "dopri5", "--tolerances", "1e-6", "--repeat", "1", "--quiet", "--reference", "dop853,dopri5",
+                                  "--reference-tolerance", "1e-10", "--budget", "attitude=1 deg"});
+  ASSERT_EQ(run.exit_code, 0) << run.out << run.err;
+  const json model = data()["model"];
+  EXPECT_TRUE(has(model.dump(), "boom: 7 of 8 modes") && has(model.dump(), "boom: 6 of 8 modes")) << model;
+  EXPECT_FALSE(has(model.dump(), "boom: 5 of 8 modes")) << model;
+  EXPECT_LT(model["runs"][model["chosen"].get<std::size_t>()]["operations"].get<double>(), model["runs"][0]["operations"].get<double>());
+  EXPECT_TRUE(has(file_text(dir_ / "out/settings.txt"), "\nvehicle.bodies.boom.modal.modes.count=0\n"));
+}
+
 TEST_F(Precision, WithoutAReferenceThereIsNoTable) {
   scene(std::string(kMission) + "controller { name = 'broken', rate = '1 Hz', step = function(t) if t > 2 then error('lost') end end }\n");
   const Finished run = precision(

@@ -429,12 +429,12 @@ TEST(PortFaults, BeginAndEndBeforeTheTicksOfTheirInstant) {
   held.inputs["x"] = from("clock.y");
   Simulation sim(with_own({block("clock", "clock"), held}), {});
   PortFault f = fault_of(sim, "clock", false);
-  f.bias = 5.0, f.from = 0.2, f.until = 0.4;
+  f.bias = 5.0, f.from = 0.2, f.until = 0.1 + 0.2;  // a rounding beyond 0.3
   sim.fault(f);
   std::vector<double> seen;
   sim.every({1, 10}, [&] { seen.push_back(sim.device_output(output(sim.model(), "held"))); });
   sim.run(0.65);
-  const std::vector<double> ticks = {0.0, 0.1, 5.2, 5.3, 0.4, 0.5};  // seen one tick later, as controllers come before
+  const std::vector<double> ticks = {0.0, 0.1, 5.2, 0.3, 0.4, 0.5};  // seen one tick later, as controllers come before
   ASSERT_EQ(seen.size(), 7U);
   for (std::size_t k = 0; k < ticks.size(); ++k) EXPECT_NEAR(seen[k + 1], ticks[k], 1e-15) << k;
 }

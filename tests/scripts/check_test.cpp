@@ -262,6 +262,18 @@ devices:
   EXPECT_EQ(listed, used);
 }
 
+TEST_F(Physics, AKeyOfAShapeThatIsNotChosenIsTold) {
+  write(R"(cardan: 1
+bodies:
+  ball: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world, initial: {position: [0, 0, 2]}}}
+devices:
+  paw: {type: contact, from: ball, from_shape: sphere, from_radius: 10 cm, from_length: 2, to: world, to_shape: plane, stiffness: 2 kN/m}
+)");
+  const std::string told = check().err;
+  EXPECT_TRUE(has(told, "warning[W0303]") && has(told, "`from_length` does not apply to paw as its other keys choose it")) << told;
+  EXPECT_EQ(told.find("warning["), told.rfind("warning[")) << told;
+}
+
 // ---- what cannot go on ----
 
 /// A slender beam that flies by itself bends by more than the thickness of its section while it turns about its axis: at level 1 that

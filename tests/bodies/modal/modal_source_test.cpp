@@ -144,8 +144,8 @@ TEST(ModalSource, DampsEachModeByItsRatio) {
 }
 
 TEST(ModalSource, KeepsModesByFrequency) {
-  ModalSource s = round_beam(40, 0);
-  s.modes.max_frequency = 12.0;  // x^2 / (2 pi): 0.56, 3.51, 9.82, 19.2 Hz, each twice
+  ModalSource s = round_beam(40, 1);
+  s.modes = {{}, 12.0, 0.0};  // x^2 / (2 pi): 0.56, 3.51, 9.82, 19.2 Hz, each twice
   const ModalData d = make_modal_data(s);
   EXPECT_EQ(d.n_modes, 6);
   EXPECT_GT(d.audit.size(), 6u);
@@ -182,6 +182,29 @@ TEST(ModalSource, CraigBamptonKeepsItsConstraintModes) {
   EXPECT_EQ(d.audit[9].reason, "set of 4 fixed-interface and 6 constraint modes");
   const Eigen::VectorXd sizes = singular_values((MatrixXd(6, 10) << d.nodes[1].Phi, d.nodes[1].Psi).finished());
   EXPECT_GT(sizes[5], 1e-10 * sizes[0]);
+}
+
+/// The cubic of one element is the static shape of any number of them: 140 x^2 - 408 x + 12 = 0, x = omega^2 / 420.
+TEST(ModalSource, ConstraintModesAloneAreGuyansCondensation) {
+  for (const int elements : {1, 8}) {
+    ModalSource s = round_beam(elements, 0);
+    EXPECT_THROW(make_modal_data(s), InputError) << "a cantilever without modes";
+    s.boundary = Boundary::craig_bampton;
+    s.points[0].interface = true;
+    const ModalData d = make_modal_data(s);
+    ASSERT_EQ(d.n_modes, 6);
+    EXPECT_EQ(d.audit[0].reason, "set of 0 fixed-interface and 6 constraint modes");
+    for (const int k : {0, 1, 2, 3}) {
+      const double x = (204.0 + (k < 2 ? -1.0 : 1.0) * std::sqrt(204.0 * 204.0 - 12.0 * 140.0)) / 140.0;
+      EXPECT_NEAR(d.K(k, k), 420.0 * x, 1e-15 * d.K(5, 5)) << elements << " elements, mode " << k;  // torsion rounds it
+    }
+  }
+  ModalSource held = round_beam(1, 2);
+  held.boundary = Boundary::craig_bampton;
+  held.points[0].interface = true;
+  EXPECT_THROW(make_modal_data(held), InputError) << "nothing is left that could move between root and tip";
+  held.modes.count.reset(), held.modes.max_frequency = 1.0;
+  EXPECT_THROW(make_modal_data(held), InputError);
 }
 
 TEST(ModalSource, FreeModesAreOnMeanAxes) {
@@ -272,7 +295,7 @@ TEST(ModalSourceErrors, TellHowFarTheModesGo) {
   ModalSource s = round_beam(10, 2);
   s.modes = {30, 0.0, 0.0};  // half of 60 degrees of freedom
   const double last = std::sqrt(make_modal_data(s).K(29, 29)) / (2.0 * std::numbers::pi);
-  s.modes = {0, 1e9, 0.0};
+  s.modes = {{}, 1e9, 0.0};
   try {
     make_modal_data(s);
     FAIL();
@@ -296,8 +319,8 @@ TEST(ModalSourceErrors, TellWhichKeyIsWrong) {
   EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes = {}; }), "C0105 wing.modes");
   EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes.count = -1; }), "C0301 wing.modes.count");
   EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes.count = 70; }), "C0323 wing");
-  EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes = {0, 1e9, 0}; }), "C0301 wing.modes.max_frequency");
-  EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes = {0, 1e-3, 0}; }), "C0301 wing.modes");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes = {{}, 1e9, 0}; }), "C0301 wing.modes.max_frequency");
+  EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes = {{}, 1e-3, 0}; }), "C0301 wing.modes");
   EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes.effective_mass = 1.5; }), "C0301 wing.modes.effective_mass");
   EXPECT_EQ(beam_with([](auto& s, auto&) { s.modes.effective_mass = 0.5, s.boundary = Boundary::free; }),
             "C0401 wing.modes.effective_mass");
