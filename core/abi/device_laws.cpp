@@ -171,7 +171,7 @@ class DeviceLaws {
   bool sample(int i) {
     found_.sample = i;
     if (!pack()) return false;
-    const Point x = random_point();
+    const Point x = i % 2 == 1 ? ticked(random_point()) : random_point();
     const Point handed = x;
     const Given y = evaluate(handed);
     law(kLeaves, handed.numbers == x.numbers, "evaluate changes its arguments");
@@ -310,6 +310,21 @@ class DeviceLaws {
     for (std::size_t i = 0; i < n_in_; ++i) x.numbers.push_back(normal());
     for (std::uint32_t i = 0; i < f_.n_states; ++i) x.numbers.push_back(f_.states[i].initial + 0.5 * nominal_[i] * normal());
     for (std::uint32_t i = 0; i < f_.n_marks; ++i) x.numbers.push_back(f_.marks[i].initial);
+    return x;
+  }
+
+  /// With the marks that up to three ticks elsewhere leave behind.
+  Point ticked(Point x) {
+    const auto marks = [&](Point& p) { return p.numbers.data() + z_ + f_.n_states; };
+    for (double ticks = uniform(0.5, 3.5); f_.tick && ticks > 0.5; ticks -= 1.0) {
+      Point there = random_point();
+      std::copy_n(marks(x), f_.n_marks, marks(there));
+      std::vector<double> noise(f_.n_noise);
+      for (double& n : noise) n = normal();
+      const std::vector<double> after = changed_by(
+          "tick", there, [&](const cardan_device_args& a, double* z, double* d) { return f_.tick(&a, 0.1, noise.data(), z, d) == 0; });
+      if (!after.empty()) std::copy_n(after.data() + f_.n_states, f_.n_marks, marks(x));
+    }
     return x;
   }
 

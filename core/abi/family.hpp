@@ -7,6 +7,8 @@
 #include <cmath>
 #include <concepts>
 #include <cstring>
+#include <stdexcept>
+#include <string>
 #include <string_view>
 #include <type_traits>
 
@@ -27,10 +29,8 @@ struct HingeOut {
 class Params {
  public:
   explicit Params(const cardan_param_values* values) : values_(values) {}
-  double number(const char* name) const { return *values_->numbers(values_, name, nullptr); }
-  Eigen::Vector3d vector(const char* name, int i = 0) const {
-    return Eigen::Map<const Eigen::Vector3d>(values_->numbers(values_, name, nullptr) + 3 * i);
-  }
+  double number(const char* name) const { return *numbers(name); }
+  Eigen::Vector3d vector(const char* name, int i = 0) const { return Eigen::Map<const Eigen::Vector3d>(numbers(name) + 3 * i); }
   /// How many vectors of 3 were given; 0 when the parameter is absent.
   int count(const char* name) const {
     std::uint32_t n = 0;
@@ -59,6 +59,11 @@ class Params {
   }
 
  private:
+  const double* numbers(const char* name) const {
+    const double* all = values_->numbers(values_, name, nullptr);
+    if (!all) throw std::invalid_argument("pack asks for the parameter \"" + std::string(name) + "\", which has no numbers");
+    return all;
+  }
   const cardan_param_values* values_;
 };
 

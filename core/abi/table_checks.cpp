@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <set>
 
 #include "core/base/units.hpp"
 #include "core/base/utf8.hpp"
@@ -41,7 +42,11 @@ void TableChecks::parameters(const cardan_param_desc* params, std::uint32_t n) {
   expect(n <= kMostParameters, "n_params", fmt::format("{}, expected at most {}", n, kMostParameters));
   expect(n == 0 || params, "params", "null");
   if (n > kMostParameters || !params) return;
-  for (std::uint32_t i = 0; i < n; ++i) parameter(fmt::format("params[{}].", i), params[i]);
+  std::set<std::string_view> names;
+  for (std::uint32_t i = 0; i < n; ++i) {
+    parameter(fmt::format("params[{}].", i), params[i]);
+    if (good()) expect(names.insert(params[i].name).second, fmt::format("params[{}].name", i), fmt::format("\"{}\" twice", params[i].name));
+  }
 }
 
 void TableChecks::parameter(const std::string& member, const cardan_param_desc& p) {

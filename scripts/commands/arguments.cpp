@@ -12,6 +12,7 @@
 #include "core/io/json.hpp"
 #include "core/io/yaml_reader.hpp"
 #include "scripts/commands/commands.hpp"
+#include "scripts/commands/streams.hpp"
 #include "scripts/mission/run_again.hpp"
 
 namespace cardan {
@@ -39,7 +40,7 @@ ScenarioOptions ScenarioArguments::options() const {
     if (!number) refuse(Code::command_line, {"--seed"}, "a whole number from 0 to 18446744073709551615", in_quotes(seed));
     o.seed = *number;
   }
-  if (!to || !to->json_errors()) o.print = [](std::string_view text) { fmt::print(stderr, "{}\n", text); };
+  if (!to || !to->json_errors()) o.print = [](std::string_view text) { complain(fmt::format("{}\n", text)); };
   for (const std::string& from : settings_files) {
     std::istringstream lines(read_text_file(from));
     int number = 0;
@@ -77,9 +78,9 @@ std::pair<std::size_t, std::size_t> shard_of(const std::string& text) {
 int report_error(const std::exception& error, bool as_json, int wrong_input) {
   const auto tell = [&](int code, const std::string& text, Json errors) {
     if (as_json)
-      fmt::print(stderr, "{}", json_text({{"exit_code", code}, {"errors", std::move(errors)}}));
+      complain(json_text({{"exit_code", code}, {"errors", std::move(errors)}}));
     else
-      fmt::print(stderr, "{}", text);
+      complain(text);
     return code;
   };
   if (const auto* input = dynamic_cast<const InputError*>(&error)) {

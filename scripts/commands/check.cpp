@@ -4,6 +4,7 @@
 #include "core/sim/expected_stiffness.hpp"
 #include "scripts/bindings/open.hpp"
 #include "scripts/commands/commands.hpp"
+#include "scripts/commands/streams.hpp"
 #include "scripts/mission/examine.hpp"
 #include "scripts/mission/mission_run.hpp"
 
@@ -38,7 +39,7 @@ void add_check(CommandLine& line) {
                s->sequences.empty() ? "" : ", " + count(s->sequences.all().size(), "sequence"), s->mission.duration,
                s->warnings.empty() ? "" : fmt::format(", {}", count(s->warnings.all().size(), "warning")));
     if (!elsewhere.empty() && s->mission.checkpoint_period) fmt::print("{}", kept_elsewhere_text(elsewhere));
-    fmt::print(stderr, "{}", render(s->warnings));
+    complain(render(s->warnings));
     return 0;
   });
 }

@@ -15,6 +15,7 @@
 #include "hinges/register.hpp"
 #include "plugins/devices/register.hpp"
 #include "scripts/commands/commands.hpp"
+#include "scripts/commands/streams.hpp"
 
 namespace cardan {
 namespace {
@@ -181,7 +182,7 @@ int check_plugin(const Arguments& a) {
 void show_plugin_messages() {
   on_plugin_message([](const std::string& file, std::uint32_t severity, const std::string& text) {
     const char* word = severity >= CARDAN_LOG_ERROR ? "error: " : severity == CARDAN_LOG_WARNING ? "warning: " : "";
-    fmt::print(stderr, "{}: {}{}\n", file, word, text);
+    complain(fmt::format("{}: {}{}\n", file, word, text));
   });
 }
 

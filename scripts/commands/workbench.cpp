@@ -17,6 +17,7 @@
 #include "scripts/bindings/sim.hpp"
 #include "scripts/commands/commands.hpp"
 #include "scripts/commands/line_editor.hpp"
+#include "scripts/commands/streams.hpp"
 #include "scripts/lua/inspect.hpp"
 
 namespace cardan {
@@ -188,8 +189,8 @@ class WorkbenchCommand {
       const Diagnostic& first = e.diagnostics().front();
       const bool is_assertion = failed_assertion_ && first.code == Code::lua_runtime && first.about.ends_with(*failed_assertion_);
       if (json_errors_) return report_error(e, true, is_assertion ? 1 : 2);
-      if (interrupt) fmt::print(stderr, "\n");  // after the ^C that the terminal shows
-      for (const Diagnostic& d : e.diagnostics()) fmt::print(stderr, "{}", render(d));
+      if (interrupt) complain("\n");  // after the ^C that the terminal shows
+      for (const Diagnostic& d : e.diagnostics()) complain(render(d));
       return is_assertion ? 1 : 2;
     } catch (const std::exception& e) {
       std::fflush(stdout);

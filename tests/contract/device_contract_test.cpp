@@ -119,6 +119,11 @@ TEST(DeviceMutants, AreCaughtByTheirLaw) {
   expect(CHANGED(o->load[0].tau = 1.0), "tau of mount from and does not say so");
   expect(CHANGED(o->load[0].moment[0] += 0.01), "sum to zero");
   expect(CHANGED(o->load[2].tau *= 1.01), "energy' = delivered - lost");
+  expect(changed([](Table& t) {  // as long as it has not ticked it pushes with nothing
+           t.tick = [](Args, double, const double*, double*, double* d) { return d[0] += 1.0, 0; };
+           t.evaluate = [](Args a, Out o) { return good(a, o), o->load[2].tau += a->d[0] - 1.0, 0; };
+         }),
+         "energy' = delivered - lost");
   expect(CHANGED(o->load[0].force[1] *= 1.01), "sum to zero");
   expect(CHANGED(o->delivered = 0.1; o->lost += 0.1), "delivers nothing");
   expect(CHANGED(o->load[2].tau += 0.6 * a->mount[2].v; o->lost -= 0.6 * a->mount[2].v * a->mount[2].v + 5.0 * a->z[0] * a->z[0];

@@ -318,6 +318,17 @@ TEST(HingeLaws, AskNothingOutsideOfADomain) {
   for (const std::string& v : hinge_law_violations(circle)) ADD_FAILURE() << v;
 }
 
+TEST(HingeTables, TellAParameterThatPackAsksForInVain) {
+  Table t = curve();
+  t.pack = [](const cardan_param_values* values, void*) { return Params(values).number("radius") > 0.0 ? 0 : 1; };
+  try {
+    hinge_law_violations(t);
+    FAIL();
+  } catch (const std::invalid_argument& e) {
+    EXPECT_STREQ(e.what(), "pack asks for the parameter \"radius\", which has no numbers");
+  }
+}
+
 TEST(HingeTables, AreLookedAtBeforeTheyAreUsed) {
   const auto fault = [](const Table& base, const auto& change) {
     Table t = base;
@@ -325,6 +336,8 @@ TEST(HingeTables, AreLookedAtBeforeTheyAreUsed) {
     const auto found = hinge_law_violations(t);
     return found.empty() ? std::string("nothing") : found.front();
   };
+  static constexpr cardan_param_desc kTwice[] = {param::required("a", CARDAN_NUMBER, "1", "x"),
+                                                 param::optional("a", CARDAN_NUMBER, "m", "y")};
   static constexpr cardan_param_desc kNoChoices[] = {param::required("a", CARDAN_CHOICE, "1", "x")};
   static constexpr cardan_param_desc kNoNames[] = {param::required("a", CARDAN_TABLE, "1", "x", 2)};
   static constexpr cardan_param_desc kTurnedRange[] = {param::in_range(param::required("a", CARDAN_NUMBER, "1", "x"), 2, 1)};
@@ -368,6 +381,7 @@ TEST(HingeTables, AreLookedAtBeforeTheyAreUsed) {
   starts("params[0].lower, upper: 2, 1,", curve(), [](Table& t) { t.n_params = 1, t.params = kTurnedRange; });
   starts("params[0].flags: 65,", curve(), [](Table& t) { t.n_params = 1, t.params = kFlags; });
   starts("params[0].kind: 17", curve(), [](Table& t) { t.n_params = 1, t.params = kKind; });
+  starts("params[1].name: \"a\" twice", curve(), [](Table& t) { t.n_params = 2, t.params = kTwice; });
   starts("pack writes 32 bytes, 7 are its own", built_in("revolute"), [](Table& t) { t.params_size = 7; });
   starts("pack refuses every set of random parameters", curve(),
          [](Table& t) { t.pack = [](const cardan_param_values*, void*) { return 1; }; });

@@ -461,6 +461,20 @@ TEST(Program, TextThatDoesNotReachStandardOutputIsAnExitCode) {
   }
 }
 
+TEST(Program, EndsWithItsCodeWhereStandardErrorTakesNothing) {
+  if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full";
+  const TemporaryFolder dir;
+  make_scenario(dir,
+                "vehicle 'vehicle.yaml' mission { duration = 1 } check { name = 'lost', value = function() return 0/0 end, below = 2 }");
+  const auto ends = [&](const std::vector<std::string>& arguments) {
+    return run_program(arguments, dir.path(), [] { dup2(open("/dev/full", O_WRONLY), STDERR_FILENO); }).exit_code;
+  };
+  EXPECT_EQ(ends({"check", "nowhere"}), 2);
+  EXPECT_EQ(ends({"check", "nowhere", "--json-errors"}), 2);
+  EXPECT_EQ(ends({"run", ".", "--out", "out"}), 3);
+  EXPECT_EQ(ends({"what"}), 2);
+}
+
 std::string value_of(const std::vector<std::string>& pairs, const std::string& key) {
   for (std::size_t i = 0; i + 1 < pairs.size(); i += 2)
     if (pairs[i] == key) return pairs[i + 1];
