@@ -35,6 +35,9 @@ class Assembler {
     source_.sink.throw_if_any();
     order();
     carry();
+    if (out_.bodies.empty() && !robot_.links.empty())
+      source_.report_at(Code::empty_system, {fmt::format("{} {}", link(0).what, called(0)), link(0).mark}, "something that has mass",
+                        "none");
     source_.sink.throw_if_any();
     return std::move(out_);
   }
