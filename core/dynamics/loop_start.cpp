@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kStart = 1e-6;  // residual of a start: typed numbers have a finite number of digits
 
-constexpr double kNoLever = 1e-12;  // of the way from home: what rounding leaves of a distance that is none
+constexpr double kNoLever = 1e-12;  // of the way from home, or of what moves all mass: what rounding leaves of a distance that is none
 
 /// [m] largest distance of an end from a hinge on the way to it; where it stands on all of them, that from its home.
 double lever_of(const Model& model, const Workspace& ws, const Loop& loop, std::size_t l, const double* q) {
@@ -212,7 +212,9 @@ void prepare_loops(Model& model) {
   State start = model.initial_state();
   const std::vector<std::uint8_t> turns = turning(model);
   std::vector<std::uint8_t> is_mode(static_cast<std::size_t>(model.nv));
-  for (const UserBody& u : model.user) std::fill_n(is_mode.begin() + u.etadot, u.n_modes, std::uint8_t{1});
+  double mass = 0.0;
+  for (const UserBody& u : model.user) std::fill_n(is_mode.begin() + u.etadot, u.n_modes, std::uint8_t{1}), mass += u.mass;
+  const double of_all = mass > 0.0 ? 1.0 / std::sqrt(mass) : 1.0;
   /// Levers, scales and coordinates of hinges that close, at a start; then its residuals with them.
   const auto measure = [&] {
     stand(model, ws, start.q.data(), false);
@@ -245,12 +247,13 @@ void prepare_loops(Model& model) {
     pass.place();  // with the levers
     pass.matrix();
     for (Loop& loop : loops.all) {  // the arm of a mode, in metres for one of its coordinate, is what it moves the ends by
+      const bool by_hinges = loop.reference > 0.0;
       for (int i = loop.first; i < loop.first + loop.rows; ++i)
         for (const int v : loop.rates)
           if (const auto at = static_cast<std::size_t>(v); is_mode[at])
             loop.reference = std::max(loop.reference, std::abs(ws.loops->G[static_cast<std::size_t>(i * model.nv + v)]) *
                                                           pass.in_metres(loop, i) * loops.column_scale[at]);
-      if (loop.reference == 0.0) loop.reference = 1.0;
+      if (!by_hinges && !(loop.reference > kNoLever * of_all)) loop.reference = of_all;  // modes that move both ends alike
     }
     return open_rows(model, pass, *ws.loops, start.v);
   };

@@ -48,7 +48,8 @@ double interval_with(const Model& model, double span, double large) {
     devices.set({t, s.z.data(), s.marks.data(), nullptr, nullptr});
     Workspace ws(model);
     ws.require_world();
-    devices.look_at(devices, model.devices.reads_nodes ? &ws : nullptr, {.q = s.q.data(), .v = s.v.data()});
+    const Eigen::VectorXd still = Eigen::VectorXd::Zero(model.nv);  // what is prescribed, or held by a device, has an acceleration
+    devices.look_at(devices, model.devices.reads_nodes ? &ws : nullptr, {.q = s.q.data(), .v = s.v.data(), .vdot = still.data()});
     for (std::size_t i = 0; i < model.devices.all.size(); ++i) happen(static_cast<int>(i), model.devices.all[i].family->n_roots, 0);
     while (corners < kEnough) {
       devices.set({t, s.z.data(), s.marks.data(), nullptr, nullptr});
@@ -85,6 +86,7 @@ FastestMotion swing_of_devices(const Model& model, double t, const State& s) {
   FastestMotion found;
   if (model.devices.all.empty() || !model.loops.empty()) return found;
   Eigen::VectorXd x(model.nv), y(model.nv), with(model.nv), without(model.nv), q(model.nq), moved(model.nv), before(model.nv);
+  const Eigen::VectorXd still = Eigen::VectorXd::Zero(model.nv);
   try {
     Eigen::VectorXd tau(model.nv);
     std::vector<NodeWrench> wrenches(static_cast<std::size_t>(model.devices.n_loads));
@@ -102,8 +104,8 @@ FastestMotion swing_of_devices(const Model& model, double t, const State& s) {
       moved = h * x;
       model.retract(s.q.data(), moved.data(), q.data());
       tau.setZero();
-      const Inputs alone{.q = q.data(), .v = s.v.data(), .moment = moment};
-      const Inputs in{.q = q.data(), .v = s.v.data(), .tau = tau.data(), .wrenches = wrenches, .moment = moment};
+      const Inputs alone{.q = q.data(), .v = s.v.data(), .vdot = still.data(), .moment = moment};
+      const Inputs in{.q = q.data(), .v = s.v.data(), .tau = tau.data(), .vdot = still.data(), .wrenches = wrenches, .moment = moment};
       const bool known = forward_dynamics(model, ws, alone, without.data()) && forward_dynamics(model, ws, in, with.data(), &devices);
       return known ? with -= without : with.setZero();
     };

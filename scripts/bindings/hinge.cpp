@@ -14,6 +14,7 @@ namespace {
 /// first one if absent. Where each coordinate has its rate, both names will do; the name of the body may stand before it.
 int component(lua_State* L, int arg, const std::vector<std::string>& names, const UserBody& u) {
   const std::string& body = u.name;
+  const cardan_hinge_family& hinge = *u.hinge;  // of a locked hinge the model has no names
   const int type = lua_type(L, arg);
   const auto n = static_cast<lua_Integer>(names.size());
   if (type == LUA_TNUMBER || type == LUA_TNONE || type == LUA_TNIL) {
@@ -23,7 +24,7 @@ int component(lua_State* L, int arg, const std::vector<std::string>& names, cons
     std::string_view name = lua_tostring(L, arg);
     if (name.starts_with(body) && name.substr(body.size()).starts_with('.')) name.remove_prefix(body.size() + 1);
     for (std::size_t i = 0; i < names.size(); ++i)
-      if (names[i] == name || (u.nq == u.nv && (u.q_names[i] == name || u.v_names[i] == name))) return static_cast<int>(i);
+      if (names[i] == name || (hinge.nq == hinge.nv && (name == hinge.q_names[i] || name == hinge.v_names[i]))) return static_cast<int>(i);
   }
   const std::string word = type == LUA_TSTRING ? lua_tostring(L, arg) : "";
   refuse(L, n == 0 ? Code::lua_argument : Code::unknown_name, "hinge of " + body,

@@ -284,6 +284,47 @@ TEST(Loops, EmbeddedTakeLoopsOfWhichNoRowCounts) {
   EXPECT_LE(forms_apart(spec), 1e-12);
 }
 
+/// A wing stands on the bus by its tip, and so does a flap, which a weld holds to the bus as well: the modes move both of its ends alike,
+/// and what rounding makes of that are no rows.
+TEST(Loops, WhatNoModeOfItsWayMovesIsNotHeld) {
+  for (unsigned seed = first_seed(); seed < first_seed() + 20; ++seed) {
+    std::mt19937 rng(seed);
+    const auto any = [&] { return static_cast<double>(rng()) / 2147483648.0 - 1.0; };
+    const auto vector = [&] { return Eigen::Vector3d(any(), any(), any()); };
+    const auto turn = [&] { return Eigen::Matrix3d(Eigen::AngleAxisd(2.0 * any(), vector().normalized())); };
+    const auto shapes = [&] { return Eigen::MatrixXd(Eigen::MatrixXd::NullaryExpr(3, 2, any)); };
+    std::vector<MassNode> masses;
+    for (int i = 0; i < 3; ++i) masses.push_back({1.0, vector(), diagonal({0.06, 0.05, 0.04}), shapes(), shapes(), {}});
+    const ModalNode tip{"tip", vector(), turn(), shapes(), shapes()};
+    BodySpec wing;
+    wing.name = "wing", wing.type = "modal_flexible", wing.eta = {0.2, -0.1}, wing.etadot = {0.3, 0.2};
+    wing.modal = std::make_shared<const ModalData>(lumped_modal_data(masses, Eigen::Vector2d(30, 50).asDiagonal(), {}, {tip}));
+    wing.hinge.inboard_body = "bus", wing.hinge.body_node = "tip", wing.hinge.onode_position = vector(), wing.hinge.onode_R = turn();
+    BodySpec flap = rigid("flap", 2.0, vector(), diagonal({0.3, 0.4, 0.5}));
+    flap.hinge.inboard_body = "wing", flap.hinge.inboard_node = "tip";
+    const BodySpec bus = on(rigid("bus", 5.0, vector(), diagonal({1.0, 2.0, 2.5})), "", "free");
+    SystemSpec spec = system({bus, wing, flap}, uniform_gravity({0.0, 0.0, -1.0}));
+    const auto accelerations = [&] {
+      const auto model = compiled(spec);
+      EXPECT_EQ(model->loops.rank, 0) << seed;
+      Workspace ws(*model);
+      const State at = model->initial_state();
+      VectorXd vdot(model->nv);
+      EXPECT_TRUE(forward_dynamics(*model, ws, {.q = at.q.data(), .v = at.v.data()}, vdot.data())) << seed;
+      return vdot;
+    };
+    const VectorXd open = accelerations();
+    LoopSpec weld;
+    weld.name = "weld", weld.type = "weld", weld.from.body = "bus", weld.to.body = "flap", weld.to.position = vector();
+    weld.from.position = wing.hinge.onode_position + wing.hinge.onode_R * weld.to.position, weld.from.R = wing.hinge.onode_R;
+    spec.loops = {weld};
+    for (const LoopForm form : {LoopForm::embedding, LoopForm::multipliers, LoopForm::dae}) {
+      spec.loop_form = form;
+      EXPECT_LE((accelerations() - open).norm(), 1e-12 * open.norm()) << seed;
+    }
+  }
+}
+
 /// All forms agree, at the nearest closed states too, where the couplings `first` and `second` are to be something.
 
 // What bends elsewhere, or where a loop has its home, does not take its rates from it.

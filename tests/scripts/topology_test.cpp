@@ -478,6 +478,35 @@ phase { name = "two" }
       << told;
 }
 
+TEST(Topology, AHingeThatIsHeldIsAskedByAnyNameOfItsComponents) {
+  constexpr const char* kJoint = R"yaml(
+cardan: 1
+bodies:
+  guest: {mass: 20, inertia: [2, 3, 4], hinge: {type: universal, to: world, axes: [[1, 0, 0], [0, 1, 0]], initial: {angle_1: 0.3, angle_2: 0.4, rate_2: 0.5}}}
+)yaml";
+  constexpr const char* kAsks = R"lua(
+local joint, seen = sat:hinge "guest", {}
+phase { name = "free", duration = 1, exit_ = function()
+  seen = { joint:q(1), joint:q(2) }
+  sat:lock "guest"
+end }
+phase { name = "held" }
+for _, c in ipairs { "angle", "rate" } do
+  for i = 1, 2 do
+    check { name = c .. i, value = function() return joint:q(c .. "_" .. i) - seen[i] + math.abs(joint:v("guest." .. c .. "_" .. i)) end, equal = { 0, tolerance = 0 } }
+  end
+end
+)lua";
+  const TemporaryFolder dir;
+  const Finished run = mission(dir, kAsks, kJoint);
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+  const Finished unknown = mission(dir,
+                                   "phase { name = 'free', duration = 1, exit_ = function() sat:lock 'guest' end }\n"
+                                   "phase { name = 'held', enter = function() print(sat:hinge('guest'):q 'angle_3') end }",
+                                   kJoint);
+  EXPECT_NE(unknown.err.find("expected: 1 to 2, or a name: angle_1, angle_2"), std::string::npos) << unknown.err;
+}
+
 TEST(Topology, WhatHadNoEffectIsToldAtTheEnd) {
   const TemporaryFolder dir;
   const char* latched = R"yaml(

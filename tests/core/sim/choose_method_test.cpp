@@ -146,6 +146,21 @@ TEST(ChooseMethod, CountsTheRowsOfARecord) {
   }
 }
 
+/// A string that may go taut is looked at with all hinges as they are: one whose motion is given, or that friction may hold, has an
+/// acceleration there.
+TEST(ChooseMethod, LooksAtDevicesBesideHingesThatAreGivenOrHeld) {
+  for (const bool held : {false, true}) {
+    SystemSpec spec = bus_with_boom();
+    spec.bodies[1].hinge = on(BodySpec(), "bus", "revolute", {{0, 1, 0}}).hinge;
+    if (!held) spec.bodies[1].hinge.prescribed = {0};
+    spec.devices = {device("string", "cable", {{"stiffness", 20.0}, {"length", 1.5}}, {{"from", "bus"}, {"to", "boom"}})};
+    if (held) spec.devices.push_back(device("brake", "dry_friction", {{"coulomb", 0.4}}, {{"at", "boom"}}));
+    const auto model = compiled(spec);
+    EXPECT_EQ(device_corners(*model, 1.0).interval, kNever) << held;
+    EXPECT_EQ(swing_of_devices(*model, 0.0, model->initial_state()).rate, 0.0) << held;  // slack
+  }
+}
+
 TEST(ChooseMethod, TakesTheStepThatIsGiven) {
   IntegratorOptions o = asked(1e-9);
   o.fixed_step = 0.01;
