@@ -51,7 +51,10 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
           ? ""
           : fmt::format(" and {} each {:.3g} s", corners < ticks ? "devices end steps" : "commands may change", interval);
   const bool standard = dynamics == Dynamics::standard;
-  const std::string not_linear = standard ? VehicleLinearPart::refusal(*model) : name_of(dynamics) + " dynamics";
+  const bool may_close = model->loops.empty() && !model->spec->loops.empty();  // open at the start, closed by the mission
+  const std::string not_linear = !standard   ? name_of(dynamics) + " dynamics"
+                                 : may_close ? "loops that a mission may close"
+                                             : VehicleLinearPart::refusal(*model);
   const bool closed_form = angle > kAngle && not_linear.empty() && asked.relative_tolerance >= kFine;
   const FastestMotion beside = closed_form ? swing_of_devices(*model, 0.0, start) : FastestMotion{};
   if (closed_form && beside.rate <= kBeside * fastest.rate) {
@@ -59,7 +62,7 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
     out.why = told + often + ": it is advanced in closed form" +
               (as_commanded ? "; where a mission commands a device that ends steps (a stepper without `rate_limit`) often, dopri5 is faster"
                             : "");
-  } else if (fastest.decays && fastest.rate > kStiff && model->loops.empty()) {
+  } else if (fastest.decays && fastest.rate > kStiff && model->spec->loops.empty()) {
     method = "cvode_bdf";
     if (model->nq + model->nv > kDense && asked.linear_solver.empty() && standard) out.options.linear_solver = "krylov";
     out.why = told + ": stiff" + (not_linear.empty() ? std::string() : fmt::format(", and exponential does not take {}", not_linear));

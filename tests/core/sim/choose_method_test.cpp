@@ -161,6 +161,17 @@ TEST(ChooseMethod, LooksAtDevicesBesideHingesThatAreGivenOrHeld) {
   }
 }
 
+/// A run that exponential begins would end where the mission closes a loop.
+TEST(ChooseMethod, KeepsFromClosedFormsWhereLoopsMayClose) {
+  SystemSpec spec = bus_with_boom();
+  LoopSpec dock;
+  dock.name = "dock", dock.type = "distance", dock.length = 1.0, dock.open = true, dock.to.body = "boom";
+  spec.loops = {dock};
+  const MethodChoice c = choose_method(compiled(spec), 1.0, asked(1e-7));
+  EXPECT_EQ(c.options.method, "dopri5");
+  EXPECT_NE(c.why.find("exponential does not take loops that a mission may close"), std::string::npos) << c.why;
+}
+
 TEST(ChooseMethod, TakesTheStepThatIsGiven) {
   IntegratorOptions o = asked(1e-9);
   o.fixed_step = 0.01;
