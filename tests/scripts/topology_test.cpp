@@ -507,6 +507,28 @@ end
   EXPECT_NE(unknown.err.find("expected: 1 to 2, or a name: angle_1, angle_2"), std::string::npos) << unknown.err;
 }
 
+TEST(Topology, FrictionIsAgainstTheRateThatAnImpulseTurnsRound) {
+  constexpr const char* kBraked = R"yaml(
+cardan: 1
+bodies:
+  bus: {mass: 100 kg, inertia: [10, 12, 14], hinge: {type: free, to: world}}
+  slide: {mass: 2 kg, inertia: [0.1, 0.1, 0.1], hinge: {type: prismatic, to: bus, axis: [0, 0, 1], initial: {rate: 0.4}}}
+  guest: {mass: 20, inertia: [2, 3, 4], hinge: {type: free, to: world, initial: {position: [0, 0, 9], velocity: [0, 0, -1]}}}
+devices:
+  brake: {type: dry_friction, at: slide, coulomb: 0.2 N}
+)yaml";
+  constexpr const char* kCatch = R"lua(
+local slide, brake = sat:hinge "slide", sat:device "brake"
+phase { name = "loose", duration = 1, exit_ = function() sat:attach("guest", { to = "slide", as_found = true }) end }
+phase { name = "caught" }
+check { name = "slides back", unit = "m/s", value = function() return slide:rate() end, below = -0.5 }
+check { name = "force", unit = "N", value = function() return brake:get "force" end, equal = { 0.2, tolerance = 0 } }
+)lua";
+  const TemporaryFolder dir;
+  const Finished run = mission(dir, kCatch, kBraked);
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
 TEST(Topology, WhatHadNoEffectIsToldAtTheEnd) {
   const TemporaryFolder dir;
   const char* latched = R"yaml(
