@@ -8,9 +8,10 @@
 #include <numbers>
 #include <sstream>
 #include <string>
+#include <utility>
 #include <vector>
 
-#include "plugins/fields/planet.hpp"
+#include "plugins/fields/harmonics.hpp"
 
 namespace cardan {
 namespace {
@@ -99,6 +100,11 @@ struct Face {
   double normal[3];
 };
 
+/// Beyond so many times its reach the body pulls by harmonics to this degree: what they leave out is 1e-15, what rounding takes of the sums
+/// 1e-12.
+constexpr double kFar = 10.0;
+constexpr int kFarDegree = 12;
+
 struct Polyhedron {
   static constexpr const char* type = "polyhedron";
   static constexpr const char* summary = "gravity of a body of one density with a surface of triangles, that turns";
@@ -108,11 +114,14 @@ struct Polyhedron {
   struct Packed {
     TurningPlanet planet;
     double density, reach;  // G rho [1/s^2]; of the farthest corner from the origin of the shape [m]
+    Harmonics far;
+    double scale;  // of these [m^3/s^2]: mu over C_00, which is 1 but for rounding
     std::int64_t corners, sides, faces;
     // Behind it they stand one kind after the other.
     const double* corner(std::int64_t i) const { return reinterpret_cast<const double*>(this + 1) + 3 * i; }
     const Side* side() const { return reinterpret_cast<const Side*>(corner(corners)); }
     const Face* face() const { return reinterpret_cast<const Face*>(side() + sides); }
+    const void* orders() const { return face() + faces; }
   };
   using Prepared = PlanetAxes;
   static constexpr cardan_param_desc schema[] = {
@@ -144,7 +153,48 @@ struct Polyhedron {
     std::string fault;
     const Shape s = shape_of(params, fault);
     return sizeof(Packed) + s.corners.size() * 3 * sizeof(double) + s.triangles.size() * (sizeof(Face) + 3 * sizeof(Side) / 2) +
-           sizeof(Side);
+           sizeof(Side) + Harmonics::bytes(terms_far_away());
+  }
+  /// All of them, still zero.
+  static std::vector<Coefficient> terms_far_away() {
+    std::vector<Coefficient> all;
+    for (int m = 0; m <= kFarDegree; ++m)
+      for (int n = m; n <= kFarDegree; ++n) all.push_back({n, m});
+    return all;
+  }
+  /// Those of a body of one density: C_nm + i S_nm = 1/(2 n + 1) int (r/a)^n P_nm(u) e^(i m l) dV / V. The integrand is a polynomial of
+  /// degree n: a tetrahedron from the origin to a triangle has 6 V_t/(n + 3) of its integral over the triangle, exact by Gauss' points.
+  static void add_masses(const Shape& s, double volume, Packed& p, void* orders) {
+    constexpr double kNodes[] = {-0.9491079123427585245, -0.7415311855993944399, -0.4058451513773971669, 0.0,
+                                 0.4058451513773971669,  0.7415311855993944399,  0.9491079123427585245};
+    constexpr double kWeights[] = {0.1294849661688696933, 0.2797053914892766679, 0.3818300505051189449, 0.4179591836734693878,
+                                   0.3818300505051189449, 0.2797053914892766679, 0.1294849661688696933};
+    for (const Triangle& f : s.triangles) {
+      const Eigen::Vector3d a = s.corners[f[0]] / p.reach, b = s.corners[f[1]] / p.reach, c = s.corners[f[2]] / p.reach;
+      const double share = a.dot(b.cross(c)) * std::pow(p.reach, 3) / volume;
+      for (int i = 0; i < 7; ++i)
+        for (int j = 0; j < 7; ++j) {
+          const double u = 0.5 + 0.5 * kNodes[i], v = 0.5 + 0.5 * kNodes[j];
+          add_mass(0.25 * kWeights[i] * kWeights[j] * u * share, (1.0 - u) * a + u * ((1.0 - v) * b + v * c), p.far.orders, orders);
+        }
+    }
+  }
+  static void add_mass(double share, const Eigen::Vector3d& at, std::int64_t n_orders, void* orders) {
+    auto* next = static_cast<unsigned char*>(orders);
+    double re = 1.0, im = 0.0;  // (x + i y)^m
+    for (std::int64_t m = 0; m < n_orders; ++m) {
+      const auto& order = *reinterpret_cast<const Order*>(next);
+      auto* terms = reinterpret_cast<Term*>(next + sizeof(Order));
+      next += sizeof(Order) + static_cast<std::size_t>(order.last - m + 1) * sizeof(Term);
+      double P = order.sectoral, P_before = 0.0;
+      for (std::int64_t n = m; n <= order.last; ++n) {
+        Term& term = terms[n - m];
+        if (n > m) P_before = std::exchange(P, term.alpha * at[2] * P - term.beta * at.squaredNorm() * P_before);
+        const auto degree = static_cast<double>(n);
+        term.CS += share * P / ((2.0 * degree + 1.0) * (degree + 3.0)) * Pair{re, im};
+      }
+      im = at[0] * im + at[1] * std::exchange(re, at[0] * re - at[1] * im);
+    }
   }
 
   static bool pack(const Params& params, Packed& p) {
@@ -198,6 +248,11 @@ struct Polyhedron {
     for (std::size_t k = 0; k < s.triangles.size(); ++k) face[k] = {s.triangles[k], {normals[k][0], normals[k][1], normals[k][2]}};
     if (!(volume > 0.0)) return params.fail(shape, "triangles that go counter-clockwise, seen from outside", "a body turned inside out");
     p.density = params.number("mu") / volume;
+    p.far.radius = p.reach;
+    p.far.write(terms_far_away(), face + p.faces);
+    add_masses(s, volume, p, face + p.faces);
+    const auto& first = *reinterpret_cast<const Order*>(face + p.faces);
+    p.scale = params.number("mu") / reinterpret_cast<const Term*>(&first + 1)->CS[0];
     return true;
   }
   static bool refuse(const Params& params, const char* shape, const char* what, std::size_t triangle) {
@@ -233,11 +288,8 @@ struct Polyhedron {
     return angle > 2.0 * std::numbers::pi ? 1 : 0;
   }
 
-  static void evaluate(const Packed& p, const FieldPoint<Polyhedron, double>& at, double* out, double* gradient) noexcept {
-    const V x = place(p, at);
-    double potential = 0.0;
-    V a = V::Zero();
-    Eigen::Matrix3d G = Eigen::Matrix3d::Zero();
+  /// By its sides and triangles, in axes of the shape.
+  static void pull(const Packed& p, const V& x, double& U, V& a, Eigen::Matrix3d& G) noexcept {
     for (std::int64_t k = 0; k < p.sides; ++k) {
       const Side& s = p.side()[k];
       const V r = from(x, p, s.from);
@@ -245,19 +297,33 @@ struct Polyhedron {
       Eigen::Matrix3d E;
       E << s.E[0], s.E[3], s.E[4], s.E[3], s.E[1], s.E[5], s.E[4], s.E[5], s.E[2];
       const V Er = L * (E * r);
-      potential += r.dot(Er), a -= Er, G += L * E;
+      U += r.dot(Er), a -= Er, G += L * E;
     }
     for (std::int64_t k = 0; k < p.faces; ++k) {
       const Face& f = p.face()[k];
       const V r = from(x, p, f.corners[0]), n(f.normal[0], f.normal[1], f.normal[2]);
       const double angle = solid_angle(r, from(x, p, f.corners[1]), from(x, p, f.corners[2])), h = n.dot(r);
-      potential -= angle * h * h, a += angle * h * n, G -= angle * n * n.transpose();
+      U -= angle * h * h, a += angle * h * n, G -= angle * n * n.transpose();
+    }
+    U *= -0.5 * p.density, a *= p.density, G *= p.density;
+  }
+
+  static void evaluate(const Packed& p, const FieldPoint<Polyhedron, double>& at, double* out, double* gradient) noexcept {
+    const V x = place(p, at);
+    double U = 0.0;
+    V a = V::Zero();
+    Eigen::Matrix3d G = Eigen::Matrix3d::Zero();
+    if (x.norm() < kFar * p.reach) {
+      pull(p, x, U, a, G);
+    } else {
+      p.far.evaluate<true>(p.orders(), x, 0.0, U, a, G);
+      U *= -p.scale, a *= p.scale, G *= p.scale;
     }
     const Eigen::Map<const Eigen::Matrix3d> R(at.prepared->columns);
-    Eigen::Map<V>{out} = p.density * (R * a);
-    out[3] = -0.5 * p.density * potential;
+    Eigen::Map<V>{out} = R * a;
+    out[3] = U;
     if (!gradient) return;
-    Eigen::Map<Eigen::Matrix3d>{gradient} = p.density * (R * G * R.transpose());  // symmetric
+    Eigen::Map<Eigen::Matrix3d>{gradient} = R * G * R.transpose();  // symmetric
     for (int i = 0; i < 3; ++i) gradient[9 + i] = -out[i];
   }
 };
