@@ -8,12 +8,11 @@
 
 namespace cardan::soa {
 
-/// L Q of P, the factor T* of D, and the gain, of a hinge with nv columns H. `fixed`: as for factor_hinge. Returns false at a direction
-/// without inertia.
+/// L Q of P, the factor T* of D, and the gain, of a hinge with nv columns H. `fixed`, `whole` (or null): as for factor_hinge. Returns false
+/// at a direction without inertia.
 template <class T>
-CARDAN_APART bool factor_square_root(const ArticulatedInertia<T>& P, const Motion<T>* H, int nv, const std::uint8_t* fixed, T* factor,
-                                     Force<T>* G, SquareRoot<T>& root, Breakdown& bad) {
-  using std::sqrt;
+CARDAN_APART bool factor_square_root(const ArticulatedInertia<T>& P, const ArticulatedInertia<T>* whole, const Motion<T>* H, int nv,
+                                     const std::uint8_t* fixed, T* factor, Force<T>* G, SquareRoot<T>& root, Breakdown& bad) {
   T W[6][6];  // columns of L Q, rows of force first
   factor_root(P, W, root);
   const auto column = [&](int c) { return Force<T>{{W[c][3], W[c][4], W[c][5]}, {W[c][0], W[c][1], W[c][2]}}; };
@@ -26,13 +25,14 @@ CARDAN_APART bool factor_square_root(const ArticulatedInertia<T>& P, const Motio
       row[j] = T(1);
       continue;
     }
-    const T length = reflect<false, true>(H[j], j, out, W, root), limit = T(kRootPivotLimit) * sqrt(inertia_scale(P, H[j]));
-    if (!(length > limit)) {
+    const auto is_inertia = [&](const T& D, const T& limit) {
       bad.component = j;
-      bad.value = static_cast<double>(length) * static_cast<double>(length);
-      bad.limit = static_cast<double>(limit) * static_cast<double>(limit);
-      return false;
-    }
+      bad.value = static_cast<double>(D), bad.limit = static_cast<double>(limit);
+      return D > limit;
+    };
+    if (whole && !is_inertia(dot(H[j], P * H[j]), T(kRoundingOfModes * kPivotLimit) * inertia_scale(*whole, H[j]))) return false;
+    const T length = reflect<false, true>(H[j], j, out, W, root);
+    if (!is_inertia(length * length, T(kRootPivotLimit * kRootPivotLimit) * inertia_scale(P, H[j]))) return false;
     for (int i = 0; i < j; ++i) row[i] = dot(H[j], root.along[i]);
     row[j] = length;
     // The reflection sends H_j to minus its first entry; T has a positive diagonal, as the factor of D.
@@ -81,8 +81,8 @@ static bool inertia_through_square_root(const SweepModel& model, Workspace<T>& w
   SquareRoot<T>& root = ws.template square_root<NV>(k);
   Breakdown bad;
   bad.body = k;
-  if (!factor_square_root(modal.P_r, hinge.H, NV, b.has_prescribed ? model.prescribed.data() + b.v : nullptr, hinge.L, hinge.G, root,
-                          bad)) {
+  if (!factor_square_root(modal.P_r, b.n_modes > 0 ? &ws.core(k).P : nullptr, hinge.H, NV,
+                          b.has_prescribed ? model.prescribed.data() + b.v : nullptr, hinge.L, hinge.G, root, bad)) {
     ws.breakdown = bad;
     return false;
   }
