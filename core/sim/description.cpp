@@ -159,12 +159,17 @@ std::string parameter_unit(std::span<const cardan_param_desc> schema, const std:
 
 constexpr std::size_t kLongList = 24;  // numbers: of a longer one it is told how many
 
-std::string place_text(const std::string& body, const Eigen::Vector3d& p) {
-  return p.isZero() ? body : fmt::format("{} at [{:.10g}, {:.10g}, {:.10g}]", body, p.x(), p.y(), p.z());
+std::string place_text(const std::string& body, const Eigen::Vector3d& p, const Eigen::Matrix3d& R) {
+  std::string text = p.isZero() ? body : fmt::format("{} at [{:.10g}, {:.10g}, {:.10g}]", body, p.x(), p.y(), p.z());
+  const Eigen::AngleAxisd turn(R);
+  const Eigen::Vector3d u = turn.axis();
+  if (turn.angle() != 0.0)
+    text += fmt::format(", turned by {:.10g} rad about [{:.10g}, {:.10g}, {:.10g}]", turn.angle(), u.x(), u.y(), u.z());
+  return text;
 }
 std::string place_text(const PlaceSpec& place) {
   if (!place.node.empty()) return place.body + "." + place.node;
-  return place_text(place.body.empty() ? "world" : place.body, place.position);
+  return place_text(place.body.empty() ? "world" : place.body, place.position, place.R);
 }
 
 /// In the order of evaluation; what each is given, reads and gives.
@@ -187,7 +192,7 @@ Json devices(const Model& m) {
       const cardan_mount_desc& mount = d.family->mounts[k];
       const auto given = spec.mounts.find(mount.name);
       if (mount.kind != CARDAN_MOUNT_FIELD)
-        mounts.push_back({{"mount", mount.name}, {"at", place_text(given->second.target, given->second.position)}});
+        mounts.push_back({{"mount", mount.name}, {"at", place_text(given->second.target, given->second.position, given->second.R)}});
       else
         mounts.push_back(
             {{"mount", mount.name}, {"at", d.mounts[k].field < 0 ? "none" : m.fields[static_cast<std::size_t>(d.mounts[k].field)].name}});
@@ -588,7 +593,7 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
     const std::string path = fmt::format("devices.{}.", d.name);
     const std::vector<cardan_param_desc> schema = schema_where(turns(m, d), *d.family);
     add(path + "type", d.family->type);
-    for (const auto& [name, mount] : spec.mounts) add(path + name, place_text(mount.target, mount.position));
+    for (const auto& [name, mount] : spec.mounts) add(path + name, place_text(mount.target, mount.position, mount.R));
     for (const auto& [name, value] : spec.params) add(path + name, text_of(value) + parameter_unit(schema, name));
     if (spec.offset != 0.0) add(path + "offset", fmt::format("{:.10g} s", spec.offset));
     for (const auto& [name, input] : spec.inputs) add(path + "inputs." + name, input_text(input));
