@@ -171,10 +171,10 @@ int fields(double seconds) {
       if (d.name == std::string_view("epoch")) values.texts["epoch"] = "2026-11-26T12:00:00 UTC";
       if (d.name == std::string_view("body")) values.numbers["body"] = {1.0};  // the Moon
     }
-    if (f.type == std::string_view("polyhedron")) {  // Eros, as large as a planet
+    if (f.type == std::string_view("polyhedron")) {  // Eros, as large as a planet or a tenth of that
       std::ifstream file(CARDAN_SOURCE_DIR "/tests/reference/data/gravity/eros_shape_856.txt");
       values.bytes["shape"].assign(std::istreambuf_iterator<char>(file), {});
-      values.texts["shape"] = "eros_shape_856.txt", values.numbers["unit"] = {1e5};
+      values.texts["shape"] = "eros_shape_856.txt", values.numbers["unit"] = {stands.empty() ? 1e5 : 1e4};
     }
     if (stands == "mars") values.numbers["orientation"] = {7.0}, values.numbers["rate"] = {7.088218e-5};
     if (stands.starts_with("iau2006")) values.numbers["orientation"] = {1.0}, values.numbers["rate"] = {7.292115e-5};
@@ -229,8 +229,8 @@ int fields(double seconds) {
       worst = std::max(worst, std::abs(gradient[0] + gradient[4] + gradient[8]) / most);
     }
     fmt::print("| {:<39} | {:>10.0f} | {:>18.0f} | {:>12} | {:>10} |\n",
-               degree > 0 ? fmt::format("{}, degree {}{}", f.type, degree, stands.empty() ? "" : ", " + stands) : f.type, least[0],
-               least[1], f.prepare ? fmt::format("{:.0f}", anew) : "", told ? fmt::format("{:.1e}", worst) : "");
+               f.type + (degree > 0 ? fmt::format(", degree {}", degree) : "") + (stands.empty() ? "" : ", " + stands), least[0], least[1],
+               f.prepare ? fmt::format("{:.0f}", anew) : "", told ? fmt::format("{:.1e}", worst) : "");
   };
   for (const auto& [family, origin] : registry.fields.all()) {
     const std::string_view type = family->type;
@@ -240,6 +240,7 @@ int fields(double seconds) {
     for (const int degree : degrees) row(*family, degree, "");
     for (const char* stands : {"iau2006", "iau2006 by a bulletin", "mars"})
       if (type == "spherical_harmonics") row(*family, degrees.front(), stands);
+    if (type == "polyhedron") row(*family, 0, "far away");
   }
   return 0;
 }

@@ -100,8 +100,7 @@ struct Face {
   double normal[3];
 };
 
-/// Beyond so many times its reach the body pulls by harmonics to this degree: what they leave out is 1e-15, what rounding takes of the sums
-/// 1e-12.
+/// Beyond so many times its reach the body pulls by harmonics to this degree, which leave out less there than rounding takes of the sums.
 constexpr double kFar = 10.0;
 constexpr int kFarDegree = 12;
 
@@ -316,7 +315,7 @@ struct Polyhedron {
     if (x.norm() < kFar * p.reach) {
       pull(p, x, U, a, G);
     } else {
-      p.far.evaluate<true>(p.orders(), x, 0.0, U, a, G);
+      gradient ? p.far.evaluate<true>(p.orders(), x, 0.0, U, a, G) : p.far.evaluate<false>(p.orders(), x, 0.0, U, a, G);
       U *= -p.scale, a *= p.scale, G *= p.scale;
     }
     const Eigen::Map<const Eigen::Matrix3d> R(at.prepared->columns);

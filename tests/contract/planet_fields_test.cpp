@@ -163,6 +163,14 @@ TEST(Polyhedron, OfErosHasTheDigitsOfItsSums) {
     const Vector3d found = eros.at(17600.0 * radii * Vector3d(0.6, 0.48, 0.64)).value.head<3>();
     EXPECT_LE((found - a).norm() / a.norm(), 1e-14 * (radii > 10.0 ? 1.0 : std::pow(radii, 3))) << radii;
   }
+  // Where harmonics take over, along the longest arm, of which they leave out most: (n + 1) C_n / 10^n of a, n = 13, C_n below 0.01.
+  const auto edge = eros.at({-175956.781, -14719.705, -5511.23573});
+  const Vector3d a(1.43184623316539819e-5, 1.21690790522097013e-6, 4.54906813337744309e-7);
+  const Matrix3d G = (Matrix3d() << 1.61620863564558e-10, 2.07880241614075e-11, 7.75047628805425e-12, 2.07880241614075e-11,
+                      -8.00308875565665e-11, 6.65471636192533e-13, 7.75047628805425e-12, 6.65471636192533e-13, -8.1589976007991e-11)
+                         .finished();
+  EXPECT_LE((edge.value.head<3>() - a).norm() / a.norm(), 1e-14);
+  EXPECT_LE((edge.gradient.topRows<3>() - G).norm() / G.norm(), 1e-13);
 }
 TEST(Polyhedron, IsAClosedSurface) {
   const std::string corners = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n", faces = "f 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
