@@ -33,7 +33,7 @@ FeModes craig_bampton(const FeModel& model, const std::vector<int>& held, const 
   K.topRightCorner(count, n_constraint).setZero();
   K.bottomLeftCorner(n_constraint, count).setZero();
   K.topLeftCorner(count, count) = inner.omega2.asDiagonal();
-  const std::optional<DensePairs> pairs = generalised_pairs(K, M);
+  const std::optional<DensePairs> pairs = modal_pairs(K, M);
   if (!pairs)
     refuse(at, {}, Code::bad_modal_data, "independent normal and constraint modes", "a singular modal mass matrix",
            "ask for fewer modes, or refine the mesh");

@@ -29,6 +29,15 @@ std::optional<VectorXd> generalised_eigenvalues(const MatrixXd& K, const MatrixX
   return solver.eigenvalues();
 }
 
+// K = R R*, M = L L*: the roots of the eigenvalues are the singular values of R* L^-*.
+std::optional<DensePairs> modal_pairs(const MatrixXd& K, const MatrixXd& M) {
+  const std::optional<MatrixXd> L = cholesky(M);
+  if (!L) return {};
+  const RightSingular roots = right_singular(L->triangularView<Eigen::Lower>().solve(semidefinite_root(K)).transpose());
+  return DensePairs{roots.values.reverse().cwiseAbs2(),
+                    L->transpose().triangularView<Eigen::Upper>().solve(roots.vectors.rowwise().reverse())};
+}
+
 /// Rows and columns of like size by powers of 2, without rounding (Parlett and Reinsch 1969; Osborne 1960). Without it the squares of a
 /// stiff mode, beside rates that count once, take the digits of all other eigenvalues.
 static void balance(MatrixXd& A) {

@@ -17,6 +17,9 @@ Eigen::VectorXd symmetric_eigenvalues(const Eigen::MatrixXd& A);
 /// K x = lambda M x with K, M symmetric, X* M X = 1; nothing where M is not positive definite.
 std::optional<DensePairs> generalised_pairs(const Eigen::MatrixXd& K, const Eigen::MatrixXd& M);
 std::optional<Eigen::VectorXd> generalised_eigenvalues(const Eigen::MatrixXd& K, const Eigen::MatrixXd& M);
+/// Those of K without negative eigenvalues, as of modes: where the largest is c times the smallest, rounding takes sqrt(c) epsilon of the
+/// smallest, not c epsilon.
+std::optional<DensePairs> modal_pairs(const Eigen::MatrixXd& K, const Eigen::MatrixXd& M);
 /// Of any real matrix, in no order.
 Eigen::VectorXcd eigenvalues(const Eigen::MatrixXd& A);
 

@@ -72,7 +72,7 @@ void FrozenVehicle::make_modes(Body& b, const FlexibleBody& f) const {
   VectorXd squares = K.diagonal(), rates = C.diagonal();
   if (!f.K_diagonal || !f.M_ee_identity) {
     const MatrixXd M_ee = MatrixXd::Map(f.M_ee.data(), b.m, b.m);
-    const auto pairs = generalised_pairs(K, M_ee);
+    const auto pairs = modal_pairs(K, M_ee);
     if (!pairs) return;
     squares = pairs->values;
     b.shape = pairs->vectors;

@@ -248,4 +248,19 @@ TEST(CraigBampton, ServesALoadAtTheInterfaceThatNormalModesMiss) {
 }
 
 }  // namespace
+/// A straight beam bends as it would whatever it resists torsion with: the stiffest constraint mode takes no digits from the lowest.
+TEST(CraigBampton, FrequenciesOfBendingDoNotKnowTheStiffnessOfTorsion) {
+  BeamModel soft = beam(), stiff = beam();
+  soft.elements = stiff.elements = 8;
+  stiff.section.J = 1e9 * soft.section.J;
+  const auto modes_of = [](const BeamModel& b) {
+    const FeModel mesh = beam_mesh(b, {}, {});
+    const std::vector<int> tip = dofs_of({8});
+    return craig_bampton(mesh, dofs_of({0}), tip, MatrixXd(MatrixXd::Identity(mesh.n_dofs(), mesh.n_dofs())).middleCols(tip[0], 6), 4, {});
+  };
+  const VectorXd of_soft = modes_of(soft).omega2, of_stiff = modes_of(stiff).omega2;
+  ASSERT_GT(of_stiff(9), 1e4 * of_soft(9)) << "torsion is the stiffest";
+  for (int j = 0; j < 4; ++j) EXPECT_NEAR(of_stiff(j), of_soft(j), 1e-11 * of_soft(j)) << j;
+}
+
 }  // namespace cardan
