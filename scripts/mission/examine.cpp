@@ -98,6 +98,19 @@ void look_at_dates(Scenario& s) {
   }
 }
 
+/// Loops that are open at the start, and what the mission chose that takes no closed ones.
+void look_at_open_loops(Scenario& s) {
+  const Model& m = *s.model;
+  if (!m.loops.empty() || m.spec->loops.empty()) return;
+  const std::string& method = s.mission.simulation.integrator.method;
+  const bool by_method = advances_linear_part(method) || method.starts_with("variational");
+  if (!by_method && s.mission.simulation.dynamics != Dynamics::diagonalised) return;
+  s.warnings.add(Code::mission_doubt, {by_method ? "mission.integrator.method" : "mission.dynamics", {s.file.string(), 0, 0}},
+                 fmt::format("loop {} is open until the mission closes it, and {} takes no closed loops: the run ends there",
+                             m.spec->loops.front().name, by_method ? method : name_of(Dynamics::diagonalised) + " dynamics"),
+                 by_method ? "dopri5, dop853; auto finds one" : "dynamics = \"standard\"");
+}
+
 /// `method = "auto"`: from here on it is the one that was chosen. One that does not take the vehicle is refused.
 void choose_method_of(Scenario& s) {
   IntegratorOptions& i = s.mission.simulation.integrator;
@@ -231,6 +244,7 @@ void examine(Scenario& s) {
   if (is_diagonalised(options.dynamics))
     DiagonalisedForm::expect_honoured(*s.model, options.dynamics, options.integrator, {"mission.dynamics", {s.file.string(), 0, 0}});
   choose_method_of(s);
+  look_at_open_loops(s);
   expect_away_from_centre(s.model, s.sim->state().q.data());
   expect_tolerances_above_rounding(s);
   look_at_ticks(s);

@@ -386,6 +386,30 @@ TEST_F(Physics, RatesThatClosedLoopsGiveABodyInOrbitAreToldWhereNobodyCanMeanThe
   EXPECT_EQ(codes(), "") << "of another start than that of the mission";
 }
 
+TEST_F(Physics, AMethodThatTakesNoLoopsIsToldOfOneThatTheMissionMayClose) {
+  const auto told = [&](const std::string& settings) {
+    write(R"(cardan: 1
+bodies:
+  a: {mass: 1 kg, inertia: [1, 1, 1], hinge: {type: revolute, axis: [0, 0, 1], to: world}}
+loops:
+  catch: {type: locked, from: a, to: world, open: true}
+)",
+          "vehicle \"v.yaml\"\nmission { duration = 1, " + settings + " }\n");
+    const Finished f = check();
+    EXPECT_EQ(f.exit_code, 0) << f.err;
+    return f.err + f.out;
+  };
+  const auto by = [](const std::string& method, const char* more = "") {
+    return "integrator = { method = \"" + method + "\"" + more + " }";
+  };
+  for (const char* method : {"exponential", "multirate", "variational"}) {
+    const std::string text = told(by(method, method[0] == 'v' ? ", step = 1e-3" : ""));
+    EXPECT_TRUE(has(text, "W0501") && has(text, fmt::format("until the mission closes it, and {} takes no closed loops", method))) << text;
+  }
+  EXPECT_TRUE(has(told("dynamics = \"diagonalised\""), "until the mission closes it, and diagonalised dynamics takes no closed loops"));
+  for (const char* method : {"auto", "dopri5"}) EXPECT_FALSE(has(told(by(method)), "W0501")) << method;
+}
+
 TEST_F(Physics, DevicesThatNeverGetThroughOrNeverBegin) {
   const auto sampled = [&](const std::string& when) {
     write("cardan: 1\nbodies:\n  p: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}\ndevices:\n  gyro: {type: imu, at: p, " +
