@@ -36,6 +36,7 @@ struct FeModel {
   std::vector<std::vector<int>> lines;         // for pictures: rows of nodes, a few hundred nodes in all however fine the mesh
   std::string description;                     // "beam 10 m, 40 elements"
   std::map<int, int> numbers;                  // of a mesh that was read: the node with a number of the file
+  std::map<std::string, int> names;            // of a table that was read: the node with a name
   std::map<std::string, std::vector<int>> groups;  // likewise: nodes by the name of their group
 
   int n_dofs() const { return per_node * static_cast<int>(nodes.size()); }

@@ -18,6 +18,7 @@
 #include "bodies/modal/modal_file.hpp"
 #include "bodies/modal/modal_integrals.hpp"
 #include "bodies/modal/mode_audit.hpp"
+#include "bodies/modal/node_sets.hpp"
 #include "bodies/modal/refuse.hpp"
 #include "bodies/modal/solids.hpp"
 
@@ -78,18 +79,23 @@ std::vector<Attached> find_points(const FeModel& model, const ModalSource& sourc
     if (!names.insert(p.name).second)
       refuse(source.at, field + ".name", Code::duplicate_name, "a name of its own", fmt::format("\"{}\"", p.name),
              p.name == "root" ? "\"root\", at the origin, is always there" : "");
-    if (const auto* solid = std::get_if<SolidModel>(&source.model)) {
-      found.push_back({p, i == 0 ? root_grip(model, *solid, source.boundary == Boundary::free, source.at)
-                                 : solid_grip(model, p.nodes, p.position, field, source.at)});
+    if (i > 0) {
+      found.push_back({p, grip_of(model, p.nodes, p.position, field, source.at)});
+      continue;
+    }
+    const bool free = source.boundary == Boundary::free;
+    if (model.per_node == 3) {
+      const auto* solid = std::get_if<SolidModel>(&source.model);
+      found.push_back({p, solid ? root_grip(model, solid->root, free, "solid.root", source.at)
+                                : root_grip(model, std::get<MatrixModel>(source.model).root, free, "matrices.root", source.at)});
       continue;
     }
     int node = model.find_node(p.position);
-    if (node < 0 && i == 0 && source.boundary != Boundary::free) node = model.root_nodes.front();  // which moves as little
+    if (node < 0 && !free) node = model.root_nodes.front();  // which moves as little
     if (node < 0)
       refuse(source.at, field + ".position", Code::fe_model,
-             model.exact_points ? "a point within one element of the mesh" : "the position of a node",
-             fmt::format("({}, {}, {}) m", p.position.x(), p.position.y(), p.position.z()));
-    found.push_back({p, *model.grip(i == 0 ? p.position : model.nodes[static_cast<std::size_t>(node)], {node})});
+             model.exact_points ? "a point within one element of the mesh" : "the position of a node", "the origin");
+    found.push_back({p, *model.grip(p.position, {node})});
   }
   return found;
 }

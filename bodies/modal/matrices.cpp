@@ -10,6 +10,7 @@
 #include <map>
 
 #include "bodies/modal/matrix_market.hpp"
+#include "bodies/modal/node_sets.hpp"
 #include "bodies/modal/refuse.hpp"
 #include "bodies/modal/text_lines.hpp"
 #include "core/base/units.hpp"
@@ -30,12 +31,12 @@ constexpr double kSamePlace = 1e-6;     // of the size of the body
 constexpr const char* kRigidMotions[] = {"rotation about x",    "rotation about y",    "rotation about z",
                                          "translation along x", "translation along y", "translation along z"};
 constexpr const char* kUnits =
-    "six degrees of freedom for each node, in the order of the table: ux, uy, uz, rx, ry, rz; SI; the same axes and origin";
+    "six degrees of freedom for each node, in the order of the table: ux, uy, uz, rx, ry, rz, or the first three; SI; the same axes and "
+    "origin";
 
-/// Names of the nodes, in their order; their positions go to the model.
-std::map<std::string, int> read_nodes(const std::string& path, const Located& at, FeModel& model) {
+void read_nodes(const std::string& path, const Located& at, FeModel& model) {
   TextLines lines(path, at, "a table of nodes: name, x, y, z");
-  std::map<std::string, int> names;
+  std::map<std::string, int>& names = model.names;
   while (lines.next()) {
     const std::string& line = lines.line();
     const auto bad = [&](const char* expected) { refuse(Code::bad_modal_data, lines.here(), expected, line); };
@@ -61,50 +62,19 @@ std::map<std::string, int> read_nodes(const std::string& path, const Located& at
     model.nodes.push_back(position);
   }
   if (names.empty()) refuse(Code::bad_modal_data, {at.key_path, {path}}, "a table of nodes: name, x, y, z", "no node");
-  return names;
 }
 
 /// M is a quadratic form in the velocities of the nodes. Where it weighs their three directions alike, m_ij x_i' x_j', it is that of masses
-/// between the nodes: 2 x_i x_j = 4 ((x_i + x_j) / 2)^2 - x_i^2 - x_j^2. What differs between the directions, and rotations, the points do
-/// not know.
-void add_points(FeModel& model) {
-  const int n = static_cast<int>(model.nodes.size());
-  Eigen::VectorXd at_node = Eigen::VectorXd::Zero(n);
-  std::map<std::pair<int, int>, double> between;
+/// between the nodes. What differs between the directions, and rotations, they do not know.
+SparseMatrix masses_between(const FeModel& model) {
+  const int n = static_cast<int>(model.nodes.size()), k = model.per_node;
+  std::vector<Eigen::Triplet<double>> m;
   for (int j = 0; j < model.M.outerSize(); ++j)
-    for (SparseMatrix::InnerIterator it(model.M, j); it; ++it) {
-      const int row = static_cast<int>(it.row()), a = row / 6, b = j / 6;
-      if (row % 6 != j % 6 || row % 6 >= 3 || a < b) continue;
-      (a == b ? at_node[a] : between[{b, a}]) += it.value() / 3.0;
-    }
-  std::vector<double> mass;
-  std::vector<Vector3d> position;
-  std::vector<Eigen::Triplet<double>> N[3];
-  const auto add = [&](double m, std::initializer_list<int> of) {
-    Vector3d x = Vector3d::Zero();
-    const double weight = 1.0 / static_cast<double>(of.size());
-    for (int i : of) {
-      x += weight * model.nodes[static_cast<std::size_t>(i)];
-      for (int a = 0; a < 3; ++a) N[a].emplace_back(static_cast<int>(mass.size()), 6 * i + a, weight);
-    }
-    mass.push_back(m), position.push_back(x);
-  };
-  for (const auto& [pair, m] : between) {
-    if (m == 0.0) continue;
-    add(4.0 * m, {pair.first, pair.second});
-    at_node[pair.first] -= m, at_node[pair.second] -= m;
-  }
-  for (int i = 0; i < n; ++i) add(at_node[i], {i});
-  const auto points = static_cast<Eigen::Index>(mass.size());
-  model.point_mass = Eigen::Map<const Eigen::VectorXd>(mass.data(), points);
-  model.point_position.resize(3, points);
-  for (Eigen::Index p = 0; p < points; ++p) model.point_position.col(p) = position[static_cast<std::size_t>(p)];
-  for (int a = 0; a < 3; ++a) {
-    model.N[a].resize(points, model.n_dofs());
-    model.N[a].setFromTriplets(N[a].begin(), N[a].end());
-    model.Q[a].resize(points, model.n_dofs());
-  }
-  model.exact_points = false;
+    for (SparseMatrix::InnerIterator it(model.M, j); it; ++it)
+      if (it.row() % k == j % k && j % k < 3) m.emplace_back(static_cast<int>(it.row()) / k, j / k, it.value() / 3.0);
+  SparseMatrix out(n, n);
+  out.setFromTriplets(m.begin(), m.end());
+  return out;
 }
 
 /// Rigid motions are to take no force: what would is held to something, or turns its own axes.
@@ -171,56 +141,37 @@ void expect_body(const FeModel& model, const Located& at) {
 FeModel matrix_mesh(const MatrixModel& source, const std::vector<PointMass>& masses, const Located& at) {
   FeModel model;
   const auto place = [&](const char* key) { return Located{at.key_path + ".matrices." + key, at.mark}; };
-  const std::map<std::string, int> names = read_nodes(source.nodes, place("nodes"), model);
+  read_nodes(source.nodes, place("nodes"), model);
+  const int n = static_cast<int>(model.nodes.size());
   double size = 0.0;
   for (const Vector3d& x : model.nodes) size = std::max(size, (x - model.nodes[0]).norm());
   model.element_size = kSamePlace * size;
-  model.K = read_symmetric_matrix(source.stiffness, model.n_dofs(), place("stiffness"));
-  model.M = read_symmetric_matrix(source.mass, model.n_dofs(), place("mass"));
+  model.K = read_symmetric_matrix(source.stiffness, n, {6, 3}, place("stiffness"));
+  model.per_node = static_cast<int>(model.K.rows()) / n;
+  model.M = read_symmetric_matrix(source.mass, n, {model.per_node}, place("mass"));
   expect_free(model.K, model, "matrices.stiffness", "N or N m", at);
   expect_body(model, at);
   expect_semidefinite(model.M, "matrices.mass", "a mass matrix without negative eigenvalues",
                       "a node or a rotation with a mass of the wrong sign? Frequencies alone do not tell", at);
   if (!source.damping.empty()) {
-    model.C = read_symmetric_matrix(source.damping, model.n_dofs(), place("damping"));
+    model.C = read_symmetric_matrix(source.damping, n, {model.per_node}, place("damping"));
     expect_free(model.C, model, "matrices.damping", "N s or N m s", at);
     expect_semidefinite(model.C, "matrices.damping", "a damping matrix without negative eigenvalues",
                         "negative damping would create energy", at);
   }
-  std::vector<Eigen::Triplet<double>> added;
-  for (std::size_t i = 0; i < masses.size(); ++i) {
-    if (!(masses[i].mass > 0.0))
-      refuse(at, fmt::format("masses[{}].mass", i), Code::out_of_range, "a number > 0 [kg]", fmt::format("{}", masses[i].mass));
-    const int node = model.find_node(masses[i].position);
-    if (node < 0)
-      refuse(at, fmt::format("masses[{}].position", i), Code::fe_model, "the position of a node",
-             fmt::format("({}, {}, {}) m", masses[i].position.x(), masses[i].position.y(), masses[i].position.z()));
-    for (int a = 0; a < 3; ++a) {
-      added.emplace_back(6 * node + a, 6 * node + a, masses[i].mass);
-      for (int b = 0; b < 3; ++b) added.emplace_back(6 * node + 3 + a, 6 * node + 3 + b, masses[i].inertia(a, b));
-    }
-  }
-  SparseMatrix lumped(model.n_dofs(), model.n_dofs());
-  lumped.setFromTriplets(added.begin(), added.end());
-  model.M += lumped;
-  add_points(model);
-  for (const std::string& name : source.root) {
-    const auto node = names.find(name);
-    if (node == names.end()) refuse(at, "matrices.root", Code::fe_model, "names of nodes in " + source.nodes, in_quotes(name));
-    model.root_nodes.push_back(node->second);
-  }
-  if (model.root_nodes.empty()) {
-    const int node = model.find_node(Vector3d::Zero());
-    if (node < 0)
-      refuse(at, "matrices.root", Code::missing_key, "the nodes that the body frame holds", "none, and no node at the origin",
-             "root: [name, ...]");
-    model.root_nodes = {node};
-  }
+  model.exact_points = false;
+  model.between = masses_between(model);
+  add_masses(model, masses, at);
+  if (source.root.nearest() && model.find_node(Vector3d::Zero()) < 0)
+    refuse(at, "matrices.root", Code::missing_key, "the nodes that the body frame holds", "none, and no node at the origin",
+           "root: [name, ...]");
+  model.root_nodes = nodes_of(model, source.root, source.at, "matrices.root", at);
   if (model.nodes.size() <= kMostDrawnNodes) {
     std::map<std::pair<int, int>, bool> coupled;
     for (int j = 0; j < model.K.outerSize(); ++j)
       for (SparseMatrix::InnerIterator it(model.K, j); it; ++it)
-        if (it.row() / 6 > j / 6 && it.value() != 0.0) coupled[{j / 6, static_cast<int>(it.row()) / 6}] = true;
+        if (const int a = j / model.per_node, b = static_cast<int>(it.row()) / model.per_node; b > a && it.value() != 0.0)
+          coupled[{a, b}] = true;
     for (const auto& [pair, yes] : coupled) model.lines.push_back({pair.first, pair.second});
   }
   model.description = fmt::format("matrices {} and {}, {} nodes", std::filesystem::path(source.mass).filename().string(),

@@ -5,6 +5,7 @@
 #include <array>
 #include <charconv>
 #include <cmath>
+#include <initializer_list>
 #include <sstream>
 #include <vector>
 
@@ -20,7 +21,7 @@ class MatrixText {
  public:
   MatrixText(const std::string& path, const Located& at) : path_(path), at_(at), lines_(path, at, "a file in the Matrix Market format") {}
 
-  SparseMatrix read(int n) {
+  SparseMatrix read(int nodes, std::initializer_list<int> per_node) {
     next("a header");
     std::istringstream words(lines_.line());
     std::string banner, object, form, field, symmetry;
@@ -32,7 +33,14 @@ class MatrixText {
     do next("rows, columns and the number of entries");
     while (lines_.line().empty() || lines_.line()[0] == '%');
     const Three sizes = numbers("rows, columns and the number of entries");
-    if (sizes[0] != n || sizes[1] != n) refuse(fmt::format("{} rows and columns: six for each node", n), lines_.line());
+    int n = 0;
+    std::string expected;
+    for (const int k : per_node) {
+      if (sizes[0] == k * nodes && sizes[1] == k * nodes) n = k * nodes;
+      expected +=
+          fmt::format("{}{} rows and columns: {} for each node", expected.empty() ? "" : ", or ", k * nodes, k == 6 ? "six" : "three");
+    }
+    if (n == 0) refuse(expected, lines_.line());
     if (!(sizes[2] >= 0 && sizes[2] <= kMostEntries)) refuse(fmt::format("at most {} entries", kMostEntries), lines_.line());
     std::vector<Eigen::Triplet<double>> entries;
     for (auto left = static_cast<long long>(sizes[2]); left > 0; --left) {
@@ -105,6 +113,8 @@ class MatrixText {
 
 }  // namespace
 
-SparseMatrix read_symmetric_matrix(const std::string& path, int n, const Located& at) { return MatrixText(path, at).read(n); }
+SparseMatrix read_symmetric_matrix(const std::string& path, int nodes, std::initializer_list<int> per_node, const Located& at) {
+  return MatrixText(path, at).read(nodes, per_node);
+}
 
 }  // namespace cardan

@@ -32,15 +32,16 @@ struct BeamSection {
 BeamSection rectangle_section(double width_y, double height_z, bool shear = false);  // full sides; shear factor 5/6
 BeamSection tube_section(double outer_radius, double wall, bool shear = false);      // round; Cowper (1966), nu = 0.3
 
-/// Some nodes of a mesh of solids, by one of what stands here; by nothing: the node nearest to a place. One node stands for those that
-/// share an element with it.
+/// Some nodes of a mesh of solids or of a table, by one of what stands here; by nothing: the node nearest to a place. Where nodes have no
+/// rotations one stands for those that share an element with it.
 struct NodeSet {
   std::vector<int> numbers;                          // as the file of the mesh numbers them
   std::string group;                                 // the name of a physical group of Gmsh
   double within = 0.0;                               // [m] of the place
   Eigen::Vector3d normal = Eigen::Vector3d::Zero();  // of a plane through the place
   bool at_mean = false;                              // the place is the mean of the nodes'
-  bool nearest() const { return numbers.empty() && group.empty() && within == 0.0 && normal.isZero(0.0); }
+  std::vector<std::string> names = {};               // as a table of nodes has them
+  bool nearest() const { return numbers.empty() && names.empty() && group.empty() && within == 0.0 && normal.isZero(0.0); }
 };
 
 /// A mass rigidly fixed to the nearest node of the mesh, which has to lie within one element of `position`.
@@ -48,7 +49,7 @@ struct PointMass {
   double mass = 0.0;                                   // [kg]
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // [m]
   Eigen::Matrix3d inertia = Eigen::Matrix3d::Zero();   // [kg m^2] about the node, body axes
-  NodeSet nodes = {};                                  // of solids: what carries it
+  NodeSet nodes = {};                                  // of nodes without rotations: what carries it
 };
 
 /// Straight beam from the origin along +x; section axes y, z are those of B.
@@ -95,12 +96,13 @@ struct PlateModel {
 };
 
 /// Matrices of another finite-element program, in the axes of B: docs/modal_files.md. Each node has six degrees of freedom, in the order of
-/// the nodes ux, uy, uz, rx, ry, rz [m, rad]. Nothing is held in them.
+/// the nodes ux, uy, uz, rx, ry, rz [m, rad], or the first three: the size of the matrices tells. Nothing is held in them.
 struct MatrixModel {
-  std::string nodes;              // a table: name, x, y, z [m] of each
-  std::string mass, stiffness;    // Matrix Market: M [kg, kg m, kg m^2], K [N/m, N, N m]
-  std::string damping;            // C [N s/m, N s, N m s]; empty: damping ratios
-  std::vector<std::string> root;  // the nodes that the body frame holds; empty: the one at the origin
+  std::string nodes;                             // a table: name, x, y, z [m] of each
+  std::string mass, stiffness;                   // Matrix Market: M [kg, kg m, kg m^2], K [N/m, N, N m]
+  std::string damping;                           // C [N s/m, N s, N m s]; empty: damping ratios
+  NodeSet root;                                  // the nodes that the body frame holds; of none given the one at the origin
+  Eigen::Vector3d at = Eigen::Vector3d::Zero();  // [m] the place of `root`
 };
 
 /// A mesh of solid elements, of a file: docs/mathematics/modes.md, section 1. Its axes and origin are those of B.
@@ -132,7 +134,7 @@ struct NamedPoint {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // [m]
   bool interface = false;                              // Boundary::craig_bampton: an outboard hinge attaches here
   Eigen::Matrix3d R_BN = Eigen::Matrix3d::Identity();  // node axes to body axes, undeformed
-  NodeSet nodes = {};                                  // of solids: those that move it
+  NodeSet nodes = {};                                  // of nodes without rotations: those that move it
 };
 
 enum class Boundary {

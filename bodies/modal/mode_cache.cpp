@@ -76,13 +76,13 @@ class Content {
   void add(const LumpedModel&) {}  // these two are not kept
   void add(const FileModel&) {}
   void add(const MatrixModel& x) {
-    const auto& [nodes, mass, stiffness, damping, root] = x;
+    const auto& [nodes, mass, stiffness, damping, root, place] = x;
     for (const std::string* file : {&nodes, &mass, &stiffness, &damping}) add(file->empty() ? std::string() : sha256_of_file(*file));
-    add(root);
+    all(root, place);
   }
   void add(const NodeSet& x) {
-    const auto& [numbers, group, within, normal, at_mean] = x;
-    all(numbers, group, within, normal, at_mean);
+    const auto& [numbers, group, within, normal, at_mean, names] = x;
+    all(numbers, group, within, normal, at_mean, names);
   }
   void add(const SolidModel& x) {
     const auto& [mesh, units, material, root, place] = x;

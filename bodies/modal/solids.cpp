@@ -11,6 +11,7 @@
 #include <numeric>
 
 #include "bodies/modal/elements.hpp"
+#include "bodies/modal/node_sets.hpp"
 #include "bodies/modal/refuse.hpp"
 
 namespace cardan {
@@ -22,7 +23,6 @@ using Eigen::Vector3d;
 using Triplets = std::vector<Eigen::Triplet<double>>;
 
 constexpr std::size_t kMostSolidNodes = 50'000, kMostDrawnLines = 1000;
-constexpr double kOnPlane = 1e-5;                                // of the size of the body: what files of seven digits say of a place
 constexpr double kNearlyIncompressible = 0.49, kLightest = 1.0;  // [-], [kg/m^3]
 
 Located in_file(const SolidMesh& mesh, int line, const Located& at) { return {at.key_path + ".solid.mesh", {mesh.file, line, 0}}; }
@@ -32,8 +32,6 @@ Matrix3Xd corners(const SolidMesh& mesh, const SolidMesh::Element& e) {
   for (std::size_t i = 0; i < e.nodes.size(); ++i) x.col(static_cast<Eigen::Index>(i)) = mesh.nodes[static_cast<std::size_t>(e.nodes[i])];
   return x;
 }
-
-std::string place(const Vector3d& x) { return fmt::format("({:.6g}, {:.6g}, {:.6g}) m", x.x(), x.y(), x.z()); }
 
 void expect_upright(const SolidMesh& mesh, const SolidMesh::Element& e, const Located& at) {
   const Matrix3Xd x = corners(mesh, e);
@@ -134,87 +132,7 @@ std::vector<std::vector<int>> outline(const SolidMesh& mesh) {
   return out;
 }
 
-double extent(const FeModel& model) {
-  double size = 0.0;
-  for (const Vector3d& x : model.nodes) size = std::max(size, (x - model.nodes[0]).norm());
-  return size;
-}
-
-/// The nodes of a set; of none given, the one that is nearest.
-std::vector<int> select(const FeModel& model, const NodeSet& set, const Vector3d& position, const std::string& field, const Located& at) {
-  std::vector<int> out;
-  if (!set.numbers.empty()) {
-    for (const int number : set.numbers) {
-      const auto node = model.numbers.find(number);
-      if (node == model.numbers.end())
-        refuse(at, field + ".numbers", Code::unknown_name, "numbers of nodes of the mesh", fmt::format("{}", number));
-      out.push_back(node->second);
-    }
-    std::ranges::sort(out);
-    out.erase(std::ranges::unique(out).begin(), out.end());
-    return out;
-  }
-  if (!set.group.empty()) {
-    const auto group = model.groups.find(set.group);
-    std::vector<std::string> names;
-    for (const auto& [name, nodes] : model.groups) names.push_back(name);
-    if (group == model.groups.end())
-      refuse(at, field + ".group", Code::unknown_name,
-             names.empty() ? "a mesh with groups: physical groups of Gmsh" : "a physical group of the mesh", "\"" + set.group + "\"",
-             did_you_mean(set.group, names));
-    return group->second;
-  }
-  const bool plane = !set.normal.isZero(0.0);
-  if (!plane && set.within == 0.0) {
-    const int node = model.find_node(position);
-    if (node < 0) refuse(at, field + ".position", Code::fe_model, "a point within one element of the mesh", place(position));
-    return {node};
-  }
-  const double limit = plane ? kOnPlane * extent(model) : set.within;
-  double nearest = INFINITY;
-  for (std::size_t i = 0; i < model.nodes.size(); ++i) {
-    const Vector3d d = model.nodes[i] - position;
-    const double distance = plane ? std::abs(d.dot(set.normal.normalized())) : d.norm();
-    nearest = std::min(nearest, distance);
-    if (distance <= limit) out.push_back(static_cast<int>(i));
-  }
-  if (out.empty())
-    refuse(at, field + (plane ? ".normal" : ".within"), Code::fe_model,
-           plane ? "a plane with nodes on it" : fmt::format("nodes within {:.4g} m of {}", set.within, place(position)),
-           fmt::format("none: the nearest is {:.4g} m away", nearest), "are mesh and body in the same axes and units?");
-  return out;
-}
-
 }  // namespace
-
-FeModel::Grip solid_grip(const FeModel& model, const NodeSet& set, const Vector3d& position, const std::string& field, const Located& at) {
-  std::vector<int> nodes = select(model, set, position, field, at);
-  Vector3d where = set.nearest() ? model.nodes[static_cast<std::size_t>(nodes[0])] : position;
-  if (set.at_mean) {
-    where.setZero();
-    for (const int i : nodes) where += model.nodes[static_cast<std::size_t>(i)] / static_cast<double>(nodes.size());
-  }
-  if (nodes.size() == 1) nodes = model.around(nodes[0]);
-  const std::optional<FeModel::Grip> grip = model.grip(where, nodes);
-  if (!grip)
-    refuse(at, field, Code::fe_model,
-           "nodes that do not lie on one line: nodes of solids have no rotation, that of a point is that of several",
-           fmt::format("{} node{} on one line", nodes.size(), nodes.size() == 1 ? "" : "s"));
-  return *grip;
-}
-
-FeModel::Grip root_grip(const FeModel& model, const SolidModel& solid, bool free, const Located& at) {
-  if (!free) return {Vector3d::Zero(), {}, Eigen::MatrixXd(6, 0)};
-  if (!model.root_nodes.empty()) {
-    const std::vector<int> nodes = model.root_nodes.size() == 1 ? model.around(model.root_nodes[0]) : model.root_nodes;
-    if (const auto grip = model.grip(Vector3d::Zero(), nodes)) return *grip;
-    refuse(at, "solid.root", Code::fe_model, "nodes that do not lie on one line", fmt::format("{}", nodes.size()));
-  }
-  if (model.find_node(Vector3d::Zero()) < 0)
-    refuse(at, "solid.root", Code::missing_key, "nodes of the mesh near the origin, or the nodes that move the node `root` there",
-           "neither", "root: {group: base}, {numbers: [1, 2, 3]} or {position: [0, 0, 0], within: 10 cm}");
-  return solid_grip(model, solid.root, Vector3d::Zero(), "solid.root", at);
-}
 
 FeModel solid_mesh(const SolidMesh& mesh, const std::vector<PointMass>& masses, const Located& at) {
   if (mesh.elements.empty()) refuse(Code::fe_model, in_file(mesh, 0, at), "solid elements", "none");
@@ -228,7 +146,7 @@ FeModel solid_mesh(const SolidMesh& mesh, const std::vector<PointMass>& masses, 
   model.nodes = mesh.nodes;
   model.groups = mesh.groups;
   for (std::size_t i = 0; i < mesh.numbers.size(); ++i) model.numbers.emplace(mesh.numbers[i], static_cast<int>(i));
-  const int n = static_cast<int>(mesh.nodes.size()), n_points = n + static_cast<int>(masses.size());
+  const int n = static_cast<int>(mesh.nodes.size());
 
   Triplets K, M, between;
   for (const SolidMesh::Element& e : mesh.elements) {
@@ -252,47 +170,11 @@ FeModel solid_mesh(const SolidMesh& mesh, const std::vector<PointMass>& masses, 
   assemble(model.K, 3 * n, 3 * n, K);
   Triplets().swap(K);
 
-  Triplets N[3], Q[3];
-  for (int i = 0; i < n; ++i)
-    for (int a = 0; a < 3; ++a) N[a].emplace_back(i, 3 * i + a, 1.0);
-  model.point_inertia.assign(static_cast<std::size_t>(n_points), Matrix3d::Zero());
-  model.point_position.resize(3, n_points);
-  for (int i = 0; i < n; ++i) model.point_position.col(i) = mesh.nodes[static_cast<std::size_t>(i)];
-  for (int l = 0; l < static_cast<int>(masses.size()); ++l) {
-    const PointMass& mass = masses[static_cast<std::size_t>(l)];
-    const std::string field = fmt::format("masses[{}]", l);
-    if (!(mass.mass > 0.0) || !std::isfinite(mass.mass))
-      refuse(at, field + ".mass", Code::out_of_range, "a number > 0 [kg]", fmt::format("{}", mass.mass));
-    const FeModel::Grip grip = solid_grip(model, mass.nodes, mass.position, field, at);
-    between.emplace_back(n + l, n + l, mass.mass);
-    model.point_position.col(n + l) = grip.position;
-    model.point_inertia[static_cast<std::size_t>(n + l)] = mass.inertia;
-    const std::vector<int> dofs = [&] {
-      std::vector<int> out;
-      for (const int i : grip.nodes) out.insert(out.end(), {3 * i, 3 * i + 1, 3 * i + 2});
-      return out;
-    }();
-    const Eigen::MatrixXd own = mass.mass * grip.B.topRows(3).transpose() * grip.B.topRows(3) +
-                                grip.B.bottomRows(3).transpose() * mass.inertia * grip.B.bottomRows(3);
-    for (std::size_t j = 0; j < dofs.size(); ++j) {
-      const auto c = static_cast<Eigen::Index>(j);
-      for (int a = 0; a < 3; ++a) N[a].emplace_back(n + l, dofs[j], grip.B(a, c)), Q[a].emplace_back(n + l, dofs[j], grip.B(3 + a, c));
-      for (std::size_t i = 0; i < dofs.size(); ++i) {
-        const auto r = static_cast<Eigen::Index>(i);
-        M.emplace_back(dofs[i], dofs[j], 0.5 * (own(r, c) + own(c, r)));
-      }
-    }
-  }
+  assemble(model.between, n, n, between);
   for (const auto& m : between)
-    if (m.row() < n)
-      for (int a = 0; a < 3; ++a) M.emplace_back(3 * m.row() + a, 3 * m.col() + a, m.value());
+    for (int a = 0; a < 3; ++a) M.emplace_back(3 * m.row() + a, 3 * m.col() + a, m.value());
   assemble(model.M, 3 * n, 3 * n, M);
-  assemble(model.between, n_points, n_points, between);
-  for (int a = 0; a < 3; ++a) {
-    assemble(model.N[a], n_points, 3 * n, N[a]);
-    assemble(model.Q[a], n_points, 3 * n, Q[a]);
-  }
-  model.point_mass = model.between * Eigen::VectorXd::Ones(n_points);
+  add_masses(model, masses, at);
   if (!(model.point_mass.sum() > 0.0))
     refuse(Code::fe_model, in_file(mesh, 0, at), "a body with mass: a material with a density, or `masses`", "neither");
   model.lines = outline(mesh);
@@ -337,7 +219,7 @@ FeModel solid_model(const SolidModel& source, const std::vector<PointMass>& mass
                   "what is held, loads and damping are those of the vehicle file");
   }
   FeModel model = solid_mesh(mesh, masses, at);
-  if (!source.root.nearest()) model.root_nodes = select(model, source.root, source.at, "solid.root", at);
+  if (!source.root.nearest()) model.root_nodes = nodes_of(model, source.root, source.at, "solid.root", at);
   return model;
 }
 

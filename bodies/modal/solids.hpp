@@ -65,9 +65,4 @@ FeModel solid_mesh(const SolidMesh&, const std::vector<PointMass>&, const Locate
 /// Reads the file and holds the root.
 FeModel solid_model(const SolidModel&, const std::vector<PointMass>&, const Located& at, Warnings* warnings = nullptr);
 
-/// What moves a named node at `position`.
-FeModel::Grip solid_grip(const FeModel&, const NodeSet&, const Eigen::Vector3d& position, const std::string& field, const Located& at);
-/// What moves the node `root` at the origin: nothing, where the root is held.
-FeModel::Grip root_grip(const FeModel&, const SolidModel&, bool free, const Located& at);
-
 }  // namespace cardan

@@ -146,10 +146,15 @@ class ModalReader {
     matrices.stiffness = path("stiffness", "the name of a matrix in the Matrix Market format", true);
     matrices.damping = path("damping", "the name of a matrix in the Matrix Market format", false);
     if (const auto root = map.find("root")) {
-      for (const DocRef& name : items(*root, "a list of nodes")) matrices.root.push_back(read_text(name, "the name of a node", context_));
-      if (root->node->kind == Kind::list && root->node->items.empty())
-        context_.sink.report(Code::wrong_type, root->at(), "the nodes that the body frame holds: [name, ...]", "an empty list",
-                             "without the key it is the node at the origin; `boundary: free` holds none");
+      if (root->node->kind == Kind::map) {
+        MapReader reader(*root, context_);
+        matrices.root = read_nodes(reader, kNodesOfTable, matrices.at);
+        reader.finish();
+        if (matrices.root.nearest()) context_.sink.report(Code::missing_key, root->at(), kNodesOfTable, "none of them");
+      } else {
+        matrices.root.names = read_names(*root, "the nodes that the body frame holds: [name, ...]",
+                                         "without the key it is the node at the origin; `boundary: free` holds none");
+      }
     }
     map.finish();
     return matrices;
@@ -170,21 +175,34 @@ class ModalReader {
     if (map.is_map() && map.find("material")) solid.material = {read_material(map, "material")};
     if (const auto root = map.find("root")) {
       MapReader reader(*root, context_);
-      solid.root = read_nodes(reader, solid.at);
+      solid.root = read_nodes(reader, kNodesOfMesh, solid.at);
       reader.finish();
-      if (reader.is_map() && solid.root.nearest()) context_.sink.report(Code::missing_key, root->at(), kNodeSet, "none of them");
+      if (reader.is_map() && solid.root.nearest()) context_.sink.report(Code::missing_key, root->at(), kNodesOfMesh, "none of them");
     }
     map.finish();
     return solid;
   }
 
-  static constexpr const char* kNodeSet = "numbers, group, within (of position) or normal (of a plane through position)";
-  /// Which nodes of a mesh of solids, and their place.
-  NodeSet read_nodes(MapReader& map, Eigen::Vector3d& position) {
+  static constexpr const char *kNodesOfMesh = "numbers, group, within (of position) or normal (of a plane through position)",
+                              *kNodesOfTable = "names, within (of position) or normal (of a plane through position)";
+  std::vector<std::string> read_names(const DocRef& value, const char* expected, const char* hint = "") {
+    std::vector<std::string> names;
+    for (const DocRef& name : items(value, "a list of nodes")) names.push_back(read_text(name, "the name of a node", context_));
+    if (value.node->kind == Kind::list && value.node->items.empty())
+      context_.sink.report(Code::wrong_type, value.at(), expected, "an empty list", hint);
+    return names;
+  }
+
+  /// Which nodes of a mesh of solids or of a table, and their place.
+  NodeSet read_nodes(MapReader& map, const char* one_of, Eigen::Vector3d& position) {
     NodeSet set;
-    const auto numbers = map.find("numbers"), group = map.find("group"), within = map.find("within"), normal = map.find("normal");
-    if (bool(numbers) + bool(group) + bool(within) + bool(normal) > 1)
-      context_.sink.report(Code::wrong_type, map.ref().at(), std::string("one of ") + kNodeSet, "several");
+    const bool table = one_of == kNodesOfTable;
+    const auto none = std::optional<DocRef>();
+    const auto numbers = table ? none : map.find("numbers"), group = table ? none : map.find("group"),
+               names = table ? map.find("names") : none, within = map.find("within"), normal = map.find("normal");
+    if (bool(numbers) + bool(group) + bool(names) + bool(within) + bool(normal) > 1)
+      context_.sink.report(Code::wrong_type, map.ref().at(), std::string("one of ") + one_of, "several");
+    if (names) set.names = read_names(*names, "names of nodes");
     if (numbers)
       for (const DocRef& number : items(*numbers, "a list of numbers of nodes")) set.numbers.push_back(read_integer(number, 1, context_));
     if (numbers && set.numbers.empty() && numbers->node->kind == Kind::list)
@@ -203,7 +221,7 @@ class ModalReader {
       if (n.size() == 3) set.normal = {n[0], n[1], n[2]};
       if (n.size() == 3 && !(set.normal.norm() > 0.0)) context_.sink.report(Code::out_of_range, normal->at(), "a direction", "zero");
     }
-    set.at_mean = (numbers || group) && !map.find("position");
+    set.at_mean = (numbers || group || names) && !map.find("position");
     if (!set.at_mean) position = map.vector("position", "m");
     return set;
   }
@@ -291,7 +309,9 @@ class ModalReader {
 
   void read_place(MapReader& map, const ModalSource& source, Eigen::Vector3d& position, NodeSet& nodes) {
     if (std::holds_alternative<SolidModel>(source.model))
-      nodes = read_nodes(map, position);
+      nodes = read_nodes(map, kNodesOfMesh, position);
+    else if (std::holds_alternative<MatrixModel>(source.model))
+      nodes = read_nodes(map, kNodesOfTable, position);
     else
       position = map.vector("position", "m");
   }

@@ -14,6 +14,8 @@
 #include "bodies/modal/eigen_modes.hpp"
 #include "bodies/modal/elements.hpp"
 #include "bodies/modal/mode_cache.hpp"
+#include "bodies/modal/solids.hpp"
+#include "tests/bodies/modal/solid_samples.hpp"
 #include "tests/support/scratch.hpp"
 #include "tests/support/worse.hpp"
 
@@ -46,12 +48,12 @@ std::string table_text(const FeModel& mesh) {
 /// The files of a mesh, and the source that names them.
 struct Written {
   TemporaryFolder dir;
-  MatrixModel model{dir / "nodes.csv", dir / "M.mtx", dir / "K.mtx", "", {}};
+  MatrixModel model{dir / "nodes.csv", dir / "M.mtx", dir / "K.mtx", "", {}, Vector3d::Zero()};
   explicit Written(const FeModel& mesh) {
     write_file(model.nodes, table_text(mesh));
     write_file(model.mass, matrix_text(mesh.M));
     write_file(model.stiffness, matrix_text(mesh.K));
-    for (int node : mesh.root_nodes) model.root.push_back(fmt::format("n{}", node));
+    for (int node : mesh.root_nodes) model.root.names.push_back(fmt::format("n{}", node));
   }
   ModalSource source(ModalSource like) const {
     like.model = model;
@@ -132,6 +134,80 @@ TEST(Matrices, OfAMeshGiveItsModes) {
       EXPECT_LE((got.nodes[i].Phi * sign - want.nodes[i].Phi).norm(), 1e-7 * (1.0 + want.nodes[i].Phi.norm()));
       EXPECT_LE((got.nodes[i].Psi * sign - want.nodes[i].Psi).norm(), 1e-7 * (1.0 + want.nodes[i].Psi.norm()));
     }
+  }
+}
+
+/// Bulk data of bricks of eight nodes.
+std::string bulk_text(const SolidMesh& mesh) {
+  std::string out = "PSOLID,1,1\nMAT1,1,7.0+10,,.3,2700.0\n";
+  for (std::size_t i = 0; i < mesh.nodes.size(); ++i)
+    out += fmt::format("GRID,{},,{:.4f},{:.4f},{:.4f}\n", i + 1, mesh.nodes[i].x(), mesh.nodes[i].y(), mesh.nodes[i].z());
+  for (const SolidMesh::Element& e : mesh.elements) {
+    out += fmt::format("CHEXA,{},1", e.number);
+    for (std::size_t k = 0; k < 8; ++k) out += fmt::format("{}{}", k == 6 ? "\n," : ",", e.nodes[k] + 1);
+    out += "\n";
+  }
+  return out;
+}
+
+TEST(Matrices, OfNodesWithoutRotationsAreThoseOfSolids) {
+  const SolidMesh mesh = test::block(
+      SolidShape::hexa8, {6, 2, 2},
+      [](const Vector3d& s) { return Vector3d(3 * s.x(), (1 - 0.25 * s.x()) * (s.y() - 0.5), 0.5 * s.z() + 0.128 * s.x() * s.x()); }, {});
+  NodeSet base, end;
+  base.normal = end.normal = Vector3d::UnitX();
+  for (const Boundary boundary : {Boundary::cantilever, Boundary::free, Boundary::craig_bampton}) {
+    TemporaryFolder dir;
+    write_file(dir / "m.bdf", bulk_text(mesh));
+    ModalSource like;
+    like.at.key_path = "modal";
+    like.model = SolidModel{dir / "m.bdf", SolidModel::Units::si, {}, base, Vector3d::Zero()};
+    like.boundary = boundary;
+    like.modes.count = 6;
+    NamedPoint tip{.name = "tip", .position = {3.0, 0.1, 0.3}, .nodes = end};
+    tip.interface = boundary == Boundary::craig_bampton;
+    like.points = {tip, {.name = "middle", .position = {1.5, 0.0, 0.282}}};
+    NodeSet near;
+    near.within = 0.7;
+    like.masses = {{40.0, {2.0, 0.1, 0.2}, Vector3d(1.0, 2.0, 2.5).asDiagonal(), near}};
+    const FeModel bare = solid_model(std::get<SolidModel>(like.model), {}, {});
+    Written written(bare);
+    ModalSource source = written.source(like);
+    source.masses = like.masses;
+    const ModalData want = make_modal_data(like), got = make_modal_data(source);
+    ASSERT_EQ(got.n_modes, want.n_modes);
+    EXPECT_LE(apart(got.K, want.K), 1e-9);
+    MatrixXd sign = MatrixXd::Identity(want.n_modes, want.n_modes);
+    for (int k = 0; k < want.n_modes; ++k) sign(k, k) = got.nodes[1].Phi.col(k).dot(want.nodes[1].Phi.col(k)) < 0.0 ? -1.0 : 1.0;
+    const ModalIntegrals &a = got.integrals, &b = want.integrals;
+    EXPECT_NEAR(a.I1, b.I1, 1e-12 * b.I1);
+    EXPECT_LE((a.I2 - b.I2).norm(), 1e-12 * b.I1);
+    EXPECT_LE(apart(a.I7, b.I7), 1e-12);
+    if (boundary != Boundary::free) {
+      EXPECT_LE(apart(a.I3 * sign, b.I3), 1e-7);
+      EXPECT_LE(apart(a.I4 * sign, b.I4), 1e-7);
+    }
+    ASSERT_EQ(a.rotary_ww.size(), b.rotary_ww.size());
+    for (int k = 0; k < want.n_modes; ++k) {
+      const auto i = static_cast<std::size_t>(k), ii = static_cast<std::size_t>(k * want.n_modes + k);
+      EXPECT_LE(apart(a.I5[i] * sign * sign(k, k), b.I5[i]), 1e-7);
+      EXPECT_LE(apart(a.I8[i] * sign(k, k), b.I8[i]), 1e-7);
+      EXPECT_LE(apart(a.I9[ii], b.I9[ii]), 1e-7);
+      EXPECT_LE(apart(a.rotary_ww[i] * sign(k, k), b.rotary_ww[i]), 1e-7);
+    }
+    for (const std::size_t i : {0u, 1u, 2u}) {
+      EXPECT_LE((got.nodes[i].position - want.nodes[i].position).norm(), 1e-12) << i;
+      EXPECT_LE((got.nodes[i].Phi * sign - want.nodes[i].Phi).norm(), 1e-7 * (1.0 + want.nodes[i].Phi.norm())) << i;
+      EXPECT_LE((got.nodes[i].Psi * sign - want.nodes[i].Psi).norm(), 1e-7 * (1.0 + want.nodes[i].Psi.norm())) << i;
+    }
+    // A plane holds what the list of its nodes does.
+    if (boundary != Boundary::cantilever) continue;
+    ModalSource by_plane = source;
+    std::get<MatrixModel>(by_plane.model).root = base;
+    EXPECT_EQ(make_modal_data(by_plane).content_hash, got.content_hash);
+    std::get<MatrixModel>(by_plane.model).root.normal.setZero();
+    std::get<MatrixModel>(by_plane.model).root.names = {"n0"};
+    EXPECT_THROW(make_modal_data(by_plane), InputError) << "it turns about one node";
   }
 }
 
@@ -315,8 +391,8 @@ TEST(Matrices, ThatAreIndefiniteAreRefused) {  // their lowest modes are found a
                        }),
                 "error[C0301]: value out of range\n  at: modal.masses[0].mass\n  expected: a number > 0 [kg]");
   expect_part(answer([&](Written& w) {
-                w.model.root.clear();
-                for (std::size_t i = 0; i < mesh.nodes.size(); ++i) w.model.root.push_back(fmt::format("n{}", i));
+                w.model.root = {};
+                for (std::size_t i = 0; i < mesh.nodes.size(); ++i) w.model.root.names.push_back(fmt::format("n{}", i));
               }),
               "expected: degrees of freedom that are not held");
 }
@@ -338,10 +414,17 @@ TEST(Matrices, ThatAreOfNoBodyAreRefused) {
               "1e+06 N or N m, "
               "where its entries make ");
   expect_part(with(0.0, 1.0), "at: modal.matrices.mass\n  expected: the same mass in all directions\n");
-  expect_part(answer([](Written& w) { w.model.root = {"n99"}; }),
-              "at: modal.matrices.root\n  expected: names of nodes in DIR/nodes.csv\n  got:      \"n99\"");
+  expect_part(answer([](Written& w) { w.model.root.names = {"n99"}; }),
+              "at: modal.matrices.root\n  expected: names of nodes of the table\n  got:      \"n99\"");
   expect_part(answer([](Written&) {}, [](ModalSource& s) { s.points[0].position.x() = 5.9; }),
               "at: modal.points[0].position\n  expected: the position of a node\n  got:      (5.9, 0, 0) m");
+  expect_part(answer([](Written&) {},
+                     [](ModalSource& s) {
+                       s.points[0].nodes.names = {"n3", "n4"};
+                     }),
+              "error[C0323]: the finite-element model cannot be used\n  at: modal.points[0]\n  expected: `position` alone: nodes with "
+              "rotations move what stands on "
+              "them each by itself\n  got:      several nodes");
   expect_part(answer([](Written&) {},
                      [](ModalSource& s) {
                        s.masses = {{1.0, {5.9, 0.0, 0.0}, Matrix3d::Zero()}};

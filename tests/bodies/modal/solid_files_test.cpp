@@ -10,6 +10,7 @@
 #include "bodies/modal/eigen_modes.hpp"
 #include "bodies/modal/mode_audit.hpp"
 #include "bodies/modal/mode_cache.hpp"
+#include "bodies/modal/node_sets.hpp"
 #include "bodies/modal/solids.hpp"
 #include "tests/bodies/modal/solid_samples.hpp"
 #include "tests/support/scratch.hpp"
@@ -332,7 +333,7 @@ TEST_F(SolidFiles, OfAFreeBodyMoveAboutMeanAxes) {
   EXPECT_EQ(by_face.nodes[0].position, Vector3d::Zero());
   NodeSet face;
   face.normal = Vector3d::UnitX();
-  const Eigen::MatrixXd want = solid_grip(model, face, Vector3d::Zero(), "root", {}).of(modes.shapes, 3);
+  const Eigen::MatrixXd want = grip_of(model, face, Vector3d::Zero(), "root", {}).of(modes.shapes, 3);
   EXPECT_LE((by_face.nodes[0].Phi - want.topRows(3)).norm(), 1e-9 * want.norm());
   EXPECT_LE((by_face.nodes[0].Psi - want.bottomRows(3)).norm(), 1e-9 * want.norm());
   EXPECT_GT(want.bottomRows(3).norm(), 0.1);

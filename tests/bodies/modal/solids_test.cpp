@@ -14,6 +14,7 @@
 
 #include "bodies/modal/eigen_modes.hpp"
 #include "bodies/modal/elements.hpp"
+#include "bodies/modal/node_sets.hpp"
 #include "core/linalg/dense.hpp"
 #include "tests/bodies/modal/case_file.hpp"
 #include "tests/bodies/modal/solid_samples.hpp"
@@ -389,7 +390,7 @@ TEST(SolidGrips, MoveWithARigidBodyAndTurnWithABentOne) {
   NodeSet face;
   face.normal = Vector3d::UnitX();
   const Vector3d at(4, 0.3, -0.2);
-  const FeModel::Grip grip = solid_grip(model, face, at, "points[0]", {});
+  const FeModel::Grip grip = grip_of(model, face, at, "points[0]", {});
   MatrixXd want = MatrixXd::Identity(6, 6);
   const MatrixXd got = grip.of(model.rigid_shapes(), 3);
   for (int a = 0; a < 3; ++a) {
@@ -405,7 +406,7 @@ TEST(SolidGrips, MoveWithARigidBodyAndTurnWithABentOne) {
   EXPECT_NEAR(end(1), 0.8, 1e-13);
   EXPECT_NEAR(end(0), -0.4 * at.y(), 1e-13);
   // Around one node, of elements 0.5 m: to their size.
-  const FeModel::Grip near = solid_grip(model, {}, {2, 0, 0}, "points[0]", {});
+  const FeModel::Grip near = grip_of(model, {}, {2, 0, 0}, "points[0]", {});
   EXPECT_NEAR(near.of(bent, 3)(5), 0.2, 1e-3);
   EXPECT_EQ(near.position, Vector3d(2, 0, 0));
 }
@@ -445,7 +446,7 @@ TEST(SolidGrips, OfAnInterfaceMoveRigidlyWithTheStaticStiffness) {
   const std::vector<int> held = dofs_of(nodes_at(model, [](const Vector3d& x) { return x.x() < 1e-9; }), 3);
   NodeSet face;
   face.normal = Vector3d::UnitX();
-  const FeModel::Grip grip = solid_grip(model, face, {2, 0, 0}, "points[0]", {});
+  const FeModel::Grip grip = grip_of(model, face, {2, 0, 0}, "points[0]", {});
   const FeModes modes = craig_bampton(model, held, dofs_of(grip.nodes, 3), model.rigid_motion(grip), 4, {});
   ASSERT_EQ(modes.omega2.size(), 10);
   const MatrixXd end = grip.of(modes.shapes, 3);

@@ -53,8 +53,15 @@ TEST(ModalSource, AnEmptyRootIsRefused) {
   const auto with = [](const std::string& root) {
     return read("matrices: {nodes: n.csv, mass: m.mtx, stiffness: k.mtx, root: " + root + "}\nmodes: {count: 2}\n");
   };
-  EXPECT_EQ(std::get<MatrixModel>(with("[a, b]").model).root, (std::vector<std::string>{"a", "b"}));
+  EXPECT_EQ(std::get<MatrixModel>(with("[a, b]").model).root.names, (std::vector<std::string>{"a", "b"}));
   EXPECT_THROW(with("[]"), InputError) << "it would hold the node at the origin, as no key does";
+  const MatrixModel by_plane = std::get<MatrixModel>(with("{position: [1 cm, 0, 0], normal: [0, 1, 0]}").model);
+  EXPECT_EQ(by_plane.root.normal, Eigen::Vector3d::UnitY());
+  EXPECT_EQ(by_plane.at, Eigen::Vector3d(0.01, 0, 0));
+  EXPECT_EQ(std::get<MatrixModel>(with("{names: [a, 12]}").model).root.names, (std::vector<std::string>{"a", "12"}));
+  EXPECT_THROW(with("{position: [0, 0, 0]}"), InputError) << "a place alone is no set";
+  EXPECT_THROW(with("{numbers: [1, 2, 3]}"), InputError) << "tables have names";
+  EXPECT_THROW(with("{names: [a], position: [0, 0, 0], within: 1}"), InputError) << "one of them";
 }
 
 TEST(ModalSource, OfASandwichPlateOnAYoke) {
@@ -110,7 +117,7 @@ TEST(ModalSource, OfMatricesIsRelativeToTheVehicle) {
   EXPECT_EQ(matrices.mass, "folder/fe/M.mtx");
   EXPECT_EQ(matrices.stiffness, "folder/fe/K.mtx");
   EXPECT_EQ(matrices.damping, "folder/C.mtx");
-  EXPECT_EQ(matrices.root, (std::vector<std::string>{"a", "12"}));
+  EXPECT_EQ(matrices.root.names, (std::vector<std::string>{"a", "12"}));
   EXPECT_EQ(source.boundary, Boundary::free);
   EXPECT_EQ(source.points.at(0).name, "tip");
   EXPECT_EQ(source.masses.size(), 1u);
