@@ -25,9 +25,11 @@ constexpr double kNoInertia = 1e-14;   // relative, of inertias scaled likewise:
 MatrixXd rigid_motions(const FeModel& model, const std::vector<int>& held, const Located& at) {
   const RigidShapes R = model.rigid_shapes();
   // Rotations about the mass centre, scaled to a displacement of order one; positions enter R as differences then.
-  Eigen::Vector3d centre = model.point_position * model.point_mass / model.point_mass.sum();
+  const Eigen::Matrix<double, 6, 6> whole = R.transpose() * (model.M * R);
+  const Eigen::Vector3d centre = first_moment(whole) / (whole.bottomRightCorner<3, 3>().trace() / 3.0);
   double size = 0.0;
   for (const auto& node : model.nodes) size = std::max(size, (node - centre).norm());
+  if (size == 0.0) size = 1.0;  // one node, at the mass centre
   Eigen::Matrix<double, 6, 6> scale = Eigen::Matrix<double, 6, 6>::Identity();
   for (int a = 0; a < 3; ++a) {
     scale.block<3, 1>(3, a) = -Eigen::Vector3d::Unit(a).cross(centre);
@@ -64,6 +66,10 @@ MatrixXd rigid_motions(const FeModel& model, const std::vector<int>& held, const
 
 SparseFactor stiffness_factor(const FeModel& model, const SparseMatrix& K, const std::vector<int>& dofs, const Located& at) {
   const auto mechanism = [&](int row) {
+    const int nodal = model.n_dofs() - model.component_modes;
+    if (dofs[row] >= nodal)
+      refuse(at, {}, Code::fe_model, "a structure without mechanisms",
+             fmt::format("no stiffness against component mode {}", dofs[row] - nodal + 1));
     const auto& node = model.nodes[dofs[row] / model.per_node];
     refuse(at, {}, Code::fe_model, "a structure without mechanisms",
            fmt::format("no stiffness against {} {} at ({:.4g}, {:.4g}, {:.4g}) m",

@@ -25,6 +25,11 @@ Matrix3d skew(const Vector3d& a) {
 
 }  // namespace
 
+Vector3d first_moment(const Eigen::Matrix<double, 6, 6>& rigid) {
+  const Matrix3d S = rigid.topRightCorner<3, 3>();  // S(a, b) = e_b . (e_a x I2)
+  return 0.5 * Vector3d(S(2, 1) - S(1, 2), S(0, 2) - S(2, 0), S(1, 0) - S(0, 1));
+}
+
 int FeModel::find_node(const Vector3d& position) const {
   int nearest = -1;
   double distance = element_size;
@@ -84,7 +89,8 @@ std::optional<FeModel::Grip> FeModel::grip(const Vector3d& position, const std::
 std::vector<int> FeModel::around(int node) const {
   std::vector<int> out;
   for (SparseMatrix::InnerIterator it(K, per_node * node); it; ++it)
-    if (out.empty() || out.back() != it.row() / per_node) out.push_back(static_cast<int>(it.row()) / per_node);
+    if (it.row() < n_dofs() - component_modes && (out.empty() || out.back() != it.row() / per_node))
+      out.push_back(static_cast<int>(it.row()) / per_node);
   return out;
 }
 

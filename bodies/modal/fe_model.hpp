@@ -13,6 +13,8 @@
 namespace cardan {
 
 using RigidShapes = Eigen::Matrix<double, Eigen::Dynamic, 6>;
+/// I2 = sum m r [kg m] of the mass matrix of a rigid body about the origin, angular first.
+Eigen::Vector3d first_moment(const Eigen::Matrix<double, 6, 6>& rigid);
 
 /// Each node has six dofs: 6 node + 0..2 its displacement [m], + 3..5 its rotation [rad], body axes. Those of solid elements have no
 /// rotation, and three: `per_node` tells. Below n is the number of nodes and 6 n that of dofs, for both.
@@ -23,6 +25,7 @@ using RigidShapes = Eigen::Matrix<double, Eigen::Dynamic, 6>;
 struct FeModel {
   std::vector<Eigen::Vector3d> nodes;          // [m]
   int per_node = 6;                            // dofs of a node: 6, or 3, displacements alone
+  int component_modes = 0;                     // dofs behind those of the nodes: coordinates of modes of what lies between them
   SparseMatrix K, M;                           // 6 n x 6 n, free of constraints
   Eigen::VectorXd point_mass;                  // p [kg]
   Eigen::Matrix3Xd point_position;             // 3 x p [m]
@@ -39,7 +42,7 @@ struct FeModel {
   std::map<std::string, int> names;            // of a table that was read: the node with a name
   std::map<std::string, std::vector<int>> groups;  // likewise: nodes by the name of their group
 
-  int n_dofs() const { return per_node * static_cast<int>(nodes.size()); }
+  int n_dofs() const { return per_node * static_cast<int>(nodes.size()) + component_modes; }
   /// The nearest node, or -1 when it is farther away than one element.
   int find_node(const Eigen::Vector3d& position) const;
   /// How the motion of some nodes is that of one rigid frame: of a node with rotations its own; of nodes without, the rigid motion that is

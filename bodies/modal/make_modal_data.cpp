@@ -230,8 +230,7 @@ void set_rigid_and_first(const FeModel& model, const Eigen::MatrixXd& shapes, Mo
   const Eigen::Matrix<double, 6, 6> A = R.transpose() * MR;
   const Eigen::MatrixXd first = MR.transpose() * shapes;
   I.I1 = A.bottomRightCorner<3, 3>().trace() / 3.0;
-  const Eigen::Matrix3d S = A.topRightCorner<3, 3>();  // S(a, b) = e_b . (e_a x I2)
-  I.I2 = 0.5 * Eigen::Vector3d(S(2, 1) - S(1, 2), S(0, 2) - S(2, 0), S(1, 0) - S(0, 1));
+  I.I2 = first_moment(A);
   I.I7 = A.topLeftCorner<3, 3>();
   I.I3 = first.bottomRows(3);
   I.I4 = first.topRows(3);
@@ -293,6 +292,7 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
   if (warnings) ModeDoubts(model, source, *warnings).places(points);
   data.integrals = modal_integrals(model.mass_field(shapes));
   if (!model.exact_points) set_rigid_and_first(model, shapes, data.integrals);
+  if (model.component_modes > 0) forget_changes(data.integrals);
   forget_rounding(data.integrals);
   data.integrals.I6.setIdentity();                                     // what the modes are normalised to; the sum differs by rounding
   if (free) data.integrals.I3.setZero(), data.integrals.I4.setZero();  // mean axes, likewise

@@ -67,11 +67,12 @@ void read_nodes(const std::string& path, const Located& at, FeModel& model) {
 /// M is a quadratic form in the velocities of the nodes. Where it weighs their three directions alike, m_ij x_i' x_j', it is that of masses
 /// between the nodes. What differs between the directions, and rotations, they do not know.
 SparseMatrix masses_between(const FeModel& model) {
-  const int n = static_cast<int>(model.nodes.size()), k = model.per_node;
+  const int n = static_cast<int>(model.nodes.size()), k = model.per_node, nodal = k * n;
   std::vector<Eigen::Triplet<double>> m;
   for (int j = 0; j < model.M.outerSize(); ++j)
     for (SparseMatrix::InnerIterator it(model.M, j); it; ++it)
-      if (it.row() % k == j % k && j % k < 3) m.emplace_back(static_cast<int>(it.row()) / k, j / k, it.value() / 3.0);
+      if (it.row() < nodal && j < nodal && it.row() % k == j % k && j % k < 3)
+        m.emplace_back(static_cast<int>(it.row()) / k, j / k, it.value() / 3.0);
   SparseMatrix out(n, n);
   out.setFromTriplets(m.begin(), m.end());
   return out;
@@ -146,15 +147,16 @@ FeModel matrix_mesh(const MatrixModel& source, const std::vector<PointMass>& mas
   double size = 0.0;
   for (const Vector3d& x : model.nodes) size = std::max(size, (x - model.nodes[0]).norm());
   model.element_size = kSamePlace * size;
-  model.K = read_symmetric_matrix(source.stiffness, n, {6, 3}, place("stiffness"));
-  model.per_node = static_cast<int>(model.K.rows()) / n;
-  model.M = read_symmetric_matrix(source.mass, n, {model.per_node}, place("mass"));
+  const int more = model.component_modes = source.component_modes;
+  model.K = read_symmetric_matrix(source.stiffness, n, {6, 3}, more, place("stiffness"));
+  model.per_node = (static_cast<int>(model.K.rows()) - more) / n;
+  model.M = read_symmetric_matrix(source.mass, n, {model.per_node}, more, place("mass"));
   expect_free(model.K, model, "matrices.stiffness", "N or N m", at);
   expect_body(model, at);
   expect_semidefinite(model.M, "matrices.mass", "a mass matrix without negative eigenvalues",
                       "a node or a rotation with a mass of the wrong sign? Frequencies alone do not tell", at);
   if (!source.damping.empty()) {
-    model.C = read_symmetric_matrix(source.damping, n, {model.per_node}, place("damping"));
+    model.C = read_symmetric_matrix(source.damping, n, {model.per_node}, more, place("damping"));
     expect_free(model.C, model, "matrices.damping", "N s or N m s", at);
     expect_semidefinite(model.C, "matrices.damping", "a damping matrix without negative eigenvalues",
                         "negative damping would create energy", at);
@@ -168,8 +170,9 @@ FeModel matrix_mesh(const MatrixModel& source, const std::vector<PointMass>& mas
   model.root_nodes = nodes_of(model, source.root, source.at, "matrices.root", at);
   if (model.nodes.size() <= kMostDrawnNodes) {
     std::map<std::pair<int, int>, bool> coupled;
-    for (int j = 0; j < model.K.outerSize(); ++j)
-      for (SparseMatrix::InnerIterator it(model.K, j); it; ++it)
+    const int nodal = model.n_dofs() - more;
+    for (int j = 0; j < nodal; ++j)
+      for (SparseMatrix::InnerIterator it(model.K, j); it && it.row() < nodal; ++it)
         if (const int a = j / model.per_node, b = static_cast<int>(it.row()) / model.per_node; b > a && it.value() != 0.0)
           coupled[{a, b}] = true;
     for (const auto& [pair, yes] : coupled) model.lines.push_back({pair.first, pair.second});

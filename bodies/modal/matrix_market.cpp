@@ -21,7 +21,7 @@ class MatrixText {
  public:
   MatrixText(const std::string& path, const Located& at) : path_(path), at_(at), lines_(path, at, "a file in the Matrix Market format") {}
 
-  SparseMatrix read(int nodes, std::initializer_list<int> per_node) {
+  SparseMatrix read(int nodes, std::initializer_list<int> per_node, int more) {
     next("a header");
     std::istringstream words(lines_.line());
     std::string banner, object, form, field, symmetry;
@@ -36,10 +36,11 @@ class MatrixText {
     int n = 0;
     std::string expected;
     for (const int k : per_node) {
-      if (sizes[0] == k * nodes && sizes[1] == k * nodes) n = k * nodes;
-      expected +=
-          fmt::format("{}{} rows and columns: {} for each node", expected.empty() ? "" : ", or ", k * nodes, k == 6 ? "six" : "three");
+      const int rows = k * nodes + more;
+      if (sizes[0] == rows && sizes[1] == rows) n = rows;
+      expected += fmt::format("{}{} rows and columns: {} for each node", expected.empty() ? "" : ", or ", rows, k == 6 ? "six" : "three");
     }
+    if (more > 0) expected += fmt::format(", and {} of component modes", more);
     if (n == 0) refuse(expected, lines_.line());
     if (!(sizes[2] >= 0 && sizes[2] <= kMostEntries)) refuse(fmt::format("at most {} entries", kMostEntries), lines_.line());
     std::vector<Eigen::Triplet<double>> entries;
@@ -113,8 +114,8 @@ class MatrixText {
 
 }  // namespace
 
-SparseMatrix read_symmetric_matrix(const std::string& path, int nodes, std::initializer_list<int> per_node, const Located& at) {
-  return MatrixText(path, at).read(nodes, per_node);
+SparseMatrix read_symmetric_matrix(const std::string& path, int nodes, std::initializer_list<int> per_node, int more, const Located& at) {
+  return MatrixText(path, at).read(nodes, per_node, more);
 }
 
 }  // namespace cardan

@@ -269,10 +269,18 @@ void io(Archive& a, ModalData& d, const Parts& parts) {
     vector("/integrals/I2", I.I2);
     io(a, "/integrals/I3", I.I3, 3, m);
     io(a, "/integrals/I4", I.I4, 3, m);
-    io(a, "/integrals/I5", I.I5, m, 3, m);
+    std::vector<Eigen::MatrixXd> I5 = I.of_change ? I.I5 : std::vector<Eigen::MatrixXd>();  // this and I8 may be missing together
+    io(a, "/integrals/I5", I5, m, 3, m, true);
     io(a, "/integrals/I6", I.I6, m, m);
     io(a, "/integrals/I7", I.I7, 3, 3);
-    io(a, "/integrals/I8", I.I8, m, 3, 3);
+    std::vector<Eigen::Matrix3d> I8 = I.of_change ? I.I8 : std::vector<Eigen::Matrix3d>();
+    io(a, "/integrals/I8", I8, m, 3, 3, true);
+    if (I5.size() != I8.size()) a.refuse_value("/integrals", "I5 and I8, or none of them", "one of them");
+    if (a.reads()) {
+      I.of_change = !I5.empty();
+      I5.resize(m, Eigen::MatrixXd::Zero(3, d.n_modes)), I8.resize(m, Eigen::Matrix3d::Zero());
+      I.I5 = std::move(I5), I.I8 = std::move(I8);
+    }
     io(a, "/integrals/I9", I.I9, m * m, 3, 3, true);
     io(a, "/integrals/rotary_ww", I.rotary_ww, m, 3, 3, true);
     io(a, "/integrals/rotary_we", I.rotary_we, m, 3, m, true);

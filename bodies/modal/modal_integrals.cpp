@@ -114,6 +114,14 @@ ModalIntegrals modal_integrals(const MassField& f) {
   return out;
 }
 
+void forget_changes(ModalIntegrals& out) {
+  for (MatrixXd& x : out.I5) x.setZero();
+  for (Matrix3d& x : out.I8) x.setZero();
+  out.I9.clear(), out.rotary_ww.clear(), out.rotary_we.clear(), out.rotary_ee.clear();
+  out.rotary_turn.resize(0), out.rotary_share = 0.0;
+  out.of_change = false;
+}
+
 void forget_rounding(ModalIntegrals& I) {
   constexpr double kRounding = 1e-12;  // of what they could be at most: |I5_lk|, |I9_lk| <= (I6_ll I6_kk)^(1/2)
   const Eigen::Index m = I.I6.rows();

@@ -22,6 +22,10 @@ struct MassField {
 /// I1 ... I9 and the first-order rotary terms, as exact sums over the points.
 ModalIntegrals modal_integrals(const MassField& field);
 
+/// Where masses are known by their sums alone, as those of component modes are: I5 and I8 become zero, the rest of what is not of the body
+/// at rest goes, and ModalIntegrals::of_change says so.
+void forget_changes(ModalIntegrals& integrals);
+
 /// Of modes that an eigenvalue solver gave: what their rounding leaves between modes that do not couple becomes zero: a body
 /// of few couplings is computed with these alone.
 void forget_rounding(ModalIntegrals& integrals);

@@ -103,6 +103,7 @@ struct MatrixModel {
   std::string damping;                           // C [N s/m, N s, N m s]; empty: damping ratios
   NodeSet root;                                  // the nodes that the body frame holds; of none given the one at the origin
   Eigen::Vector3d at = Eigen::Vector3d::Zero();  // [m] the place of `root`
+  int component_modes = 0;  // rows behind those of the nodes: coordinates of modes with the nodes at rest, as of Craig and Bampton
 };
 
 /// A mesh of solid elements, of a file: docs/mathematics/modes.md, section 1. Its axes and origin are those of B.

@@ -76,9 +76,9 @@ class Content {
   void add(const LumpedModel&) {}  // these two are not kept
   void add(const FileModel&) {}
   void add(const MatrixModel& x) {
-    const auto& [nodes, mass, stiffness, damping, root, place] = x;
+    const auto& [nodes, mass, stiffness, damping, root, place, component_modes] = x;
     for (const std::string* file : {&nodes, &mass, &stiffness, &damping}) add(file->empty() ? std::string() : sha256_of_file(*file));
-    all(root, place);
+    all(root, place, component_modes);
   }
   void add(const NodeSet& x) {
     const auto& [numbers, group, within, normal, at_mean, names] = x;

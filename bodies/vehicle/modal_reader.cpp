@@ -145,6 +145,7 @@ class ModalReader {
     matrices.mass = path("mass", "the name of a matrix in the Matrix Market format", true);
     matrices.stiffness = path("stiffness", "the name of a matrix in the Matrix Market format", true);
     matrices.damping = path("damping", "the name of a matrix in the Matrix Market format", false);
+    matrices.component_modes = map.integer("component_modes", 0, 0);
     if (const auto root = map.find("root")) {
       if (root->node->kind == Kind::map) {
         MapReader reader(*root, context_);

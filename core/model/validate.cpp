@@ -132,6 +132,9 @@ class Structure {
         report(Code::bad_initial_state, fmt::format("{}.initial.{}", at(""), name),
                fmt::format("{} values, one for each mode kept", body.modal->n_modes), fmt::format("{} values", values.size()));
     };
+    if (body.level > 0 && !body.modal->integrals.of_change)
+      report(Code::bad_modal_data, at(".level"),
+             "0: component modes, and files without I5 and I8, do not tell how inertia changes with them", fmt::format("{}", body.level));
     size_fits(body.eta, "eta");
     size_fits(body.etadot, "etadot");
   }

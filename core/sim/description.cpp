@@ -334,6 +334,8 @@ Json not_modelled(const Model& m) {
     if (m.user[i].n_modes == 0 || m.flexible[static_cast<std::size_t>(swept.flexible)].curved)
       continue;  // what its type has, whatever the level
     if (b.level == 0) all.push_back(b.name + ": deformation does not change its inertia (level 0)");
+    if (!b.modal->integrals.of_change && m.gravity.gradient)
+      all.push_back(b.name + ": the gradient of gravity on its modes, which do not tell where their masses are");
     if (b.level == 1) all.push_back(b.name + ": inertia to first order in the deformation (level 1)");
     if (b.modal->whole)
       all.push_back(

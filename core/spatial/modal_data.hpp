@@ -42,6 +42,7 @@ struct ModalIntegrals {
   std::vector<Eigen::MatrixXd> rotary_we;  // [l].col(k) = sum (psi_l~ J0 - 1/2 J0 psi_l~) psi_k
   std::vector<Eigen::MatrixXd> rotary_ee;  // [i](k,l) = sum 1/2 psi_k* (psi_i~ J0 - J0 psi_i~) psi_l
   Eigen::VectorXd rotary_turn;             // m: largest |psi_k| of a point with J0 [rad per unit]; empty: not known
+  bool of_change = true;      // false: how inertia changes with the deformation is not known, I5 and I8 are zero; level 0 alone
   double rotary_share = 0.0;  // largest part that J0 has in a modal mass, or in I7 about the mass centre, of |J0| for each point
 };
 

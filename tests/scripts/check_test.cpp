@@ -410,6 +410,43 @@ loops:
   for (const char* method : {"auto", "dopri5"}) EXPECT_FALSE(has(told(by(method)), "W0501")) << method;
 }
 
+TEST_F(Physics, APartOfComponentModesIsOfLevelZero) {
+  // Held at one node: 10 kg with their centre at x = 1 m, and two modes with the node at rest, of a modal mass of 1 kg, at 3 and 5 rad/s.
+  std::ofstream(folder_ / "n.csv") << "name, x, y, z\nadapter, 0, 0, 0\n";
+  std::ofstream(folder_ / "M.mtx")
+      << "%%MatrixMarket matrix coordinate real symmetric\n8 8 12\n1 1 10\n2 2 10\n3 3 10\n4 4 0.5\n5 5 12\n6 6 12\n"
+         "6 2 10\n5 3 -10\n7 7 1\n8 8 1\n7 3 2\n7 5 -2.5\n";
+  std::ofstream(folder_ / "K.mtx") << "%%MatrixMarket matrix coordinate real symmetric\n8 8 2\n7 7 9\n8 8 25\n";
+  const auto part = [&](int level) {
+    write(fmt::format(R"(cardan: 1
+bodies:
+  part:
+    type: modal_flexible
+    level: {}
+    modal:
+      matrices: {{nodes: n.csv, mass: M.mtx, stiffness: K.mtx, component_modes: 2}}
+      modes: {{count: 2}}
+    hinge: {{type: free, to: world}}
+)",
+                      level),
+          "vehicle \"v.yaml\"\nmission { duration = 1 }\n");
+  };
+  part(1);
+  const Finished refused = check();
+  EXPECT_EQ(refused.exit_code, 2);
+  EXPECT_TRUE(has(refused.err, "error[C0321]") && has(refused.err, "--> ./v.yaml:5:12") && has(refused.err, "at: bodies.part.level"))
+      << refused.err;
+  part(0);
+  const json description = describe();
+  EXPECT_NEAR(description["modes"][0]["audit"][0]["frequency_hz"].get<double>(), 3.0 / (2 * std::numbers::pi), 1e-12);
+  // Flying freely the first mode carries some of the part with it: w^2 = 9 / (1 - P* M^-1 P), P = (2 N, -2.5 N m) per m/s^2 of it.
+  const double determinant = 10.0 * 12.0 - 10.0 * 10.0, carried = (12.0 * 4.0 + 10.0 * 6.25 - 2.0 * 10.0 * 5.0) / determinant;
+  EXPECT_NEAR(description["system_modes"]["modes"][0]["frequency_hz"].get<double>(),
+              3.0 / std::sqrt(1.0 - carried) / (2 * std::numbers::pi), 1e-9);
+  EXPECT_NEAR(description["system_modes"]["modes"][1]["frequency_hz"].get<double>(), 5.0 / (2 * std::numbers::pi), 1e-9);
+  EXPECT_EQ(run({"run", "."}).exit_code, 0);
+}
+
 TEST_F(Physics, DevicesThatNeverGetThroughOrNeverBegin) {
   const auto sampled = [&](const std::string& when) {
     write("cardan: 1\nbodies:\n  p: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}\ndevices:\n  gyro: {type: imu, at: p, " +

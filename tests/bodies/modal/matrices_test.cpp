@@ -13,6 +13,7 @@
 
 #include "bodies/modal/eigen_modes.hpp"
 #include "bodies/modal/elements.hpp"
+#include "bodies/modal/modal_file.hpp"
 #include "bodies/modal/mode_cache.hpp"
 #include "bodies/modal/solids.hpp"
 #include "tests/bodies/modal/solid_samples.hpp"
@@ -48,7 +49,7 @@ std::string table_text(const FeModel& mesh) {
 /// The files of a mesh, and the source that names them.
 struct Written {
   TemporaryFolder dir;
-  MatrixModel model{dir / "nodes.csv", dir / "M.mtx", dir / "K.mtx", "", {}, Vector3d::Zero()};
+  MatrixModel model{dir / "nodes.csv", dir / "M.mtx", dir / "K.mtx", "", {}, Vector3d::Zero(), 0};
   explicit Written(const FeModel& mesh) {
     write_file(model.nodes, table_text(mesh));
     write_file(model.mass, matrix_text(mesh.M));
@@ -93,6 +94,8 @@ ModalSource slender_boom() {
   s.at.key_path = "modal";
   return s;
 }
+
+void expect_part(const std::string& text, const std::string& part) { EXPECT_NE(text.find(part), std::string::npos) << text; }
 
 double apart(const MatrixXd& a, const MatrixXd& b) {
   if (a.rows() != b.rows() || a.cols() != b.cols() || !a.allFinite() || !b.allFinite()) return HUGE_VAL;
@@ -211,6 +214,67 @@ TEST(Matrices, OfNodesWithoutRotationsAreThoseOfSolids) {
   }
 }
 
+/// What programs hand over of a part: matrices of the nodes it is held at and of modes with these at rest (Craig, Bampton 1968).
+TEST(Matrices, OfComponentModesAreThoseOfTheWholeMesh) {
+  ModalSource like = slender_boom();
+  like.modes.count = 5;
+  like.boundary = Boundary::craig_bampton;
+  like.points[0].interface = true;
+  const FeModel mesh = mesh_of(like);
+  const std::vector<int> held = dofs_of({0, 12});
+  const FeModes inner = normal_modes(mesh, held, 5, RigidModes::refuse, {});
+  const FreePart free(mesh.n_dofs(), held);
+  MatrixXd T = MatrixXd::Zero(mesh.n_dofs(), 17);  // rows of the mesh, of the two ends and of the modes
+  for (int i = 0; i < 12; ++i) T(held[static_cast<std::size_t>(i)], i) = 1.0;
+  const MatrixXd force = mesh.K * T.leftCols(12);
+  MatrixXd load(static_cast<Eigen::Index>(free.dofs.size()), 12);
+  for (std::size_t i = 0; i < free.dofs.size(); ++i) load.row(static_cast<Eigen::Index>(i)) = -force.row(free.dofs[i]);
+  T.leftCols(12) += free.expand(SparseFactor(free.block(mesh.K)).solve(load));
+  T.rightCols(5) = 3.0 * inner.shapes;  // of any scale
+  FeModel reduced;
+  reduced.nodes = {mesh.nodes[0], mesh.nodes[12]};
+  const MatrixXd M = T.transpose() * (mesh.M * T), K = T.transpose() * (mesh.K * T);
+  reduced.M = MatrixXd(0.5 * (M + M.transpose())).sparseView(), reduced.K = MatrixXd(0.5 * (K + K.transpose())).sparseView();
+  reduced.root_nodes = {0};
+  Written written(reduced);
+  written.model.component_modes = 5;
+
+  ModalSource source = written.source(like);
+  source.boundary = Boundary::cantilever;
+  source.points[0].interface = false;
+  source.modes.count = 11;
+  const ModalData want = make_modal_data(like), got = make_modal_data(source);
+  ASSERT_EQ(want.n_modes, 11);
+  ASSERT_EQ(got.n_modes, 11);
+  for (int k = 0; k < 11; ++k) EXPECT_NEAR(got.K(k, k), want.K(k, k), 1e-8 * want.K(k, k)) << k;
+  const ModalIntegrals &a = got.integrals, &b = want.integrals;
+  EXPECT_NEAR(a.I1, b.I1, 1e-11 * b.I1);
+  EXPECT_LE((a.I2 - b.I2).norm(), 1e-11 * b.I1);
+  EXPECT_LE(apart(a.I7, b.I7), 1e-11);
+  // Modes of a round boom come in pairs; what a pair carries, and how far it moves the tip, does not ask for its axes.
+  EXPECT_LE(apart(a.I3 * got.K.inverse() * a.I3.transpose(), b.I3 * want.K.inverse() * b.I3.transpose()), 1e-7);
+  EXPECT_LE(apart(a.I4 * got.K.inverse() * a.I4.transpose(), b.I4 * want.K.inverse() * b.I4.transpose()), 1e-7);
+  EXPECT_LE(apart(got.nodes[1].Phi * got.K.inverse() * a.I3.transpose(), want.nodes[1].Phi * want.K.inverse() * b.I3.transpose()), 1e-7);
+  EXPECT_LE(apart(got.nodes[1].Psi * got.K.inverse() * a.I4.transpose(), want.nodes[1].Psi * want.K.inverse() * b.I4.transpose()), 1e-7);
+
+  EXPECT_FALSE(a.of_change) << "masses between the nodes are known by their sums alone";
+  EXPECT_TRUE(b.of_change);
+  const std::string file = written.dir / "reduced.h5";
+  write_modal_file(file, got);
+  const ModalData read = read_modal_file(file);
+  EXPECT_FALSE(read.integrals.of_change);
+  EXPECT_EQ(read.content_hash, got.content_hash);
+
+  written.model.component_modes = 4;
+  try {
+    make_modal_data(written.source(source));
+    ADD_FAILURE();
+  } catch (const InputError& e) {
+    expect_part(e.what(),
+                "expected: 16 rows and columns: six for each node, or 10 rows and columns: three for each node, and 4 of component modes");
+  }
+}
+
 TEST(Matrices, AtSecondOrderConvergeLikeTheMesh) {
   double error[2];
   for (const int finer : {1, 2}) {
@@ -322,7 +386,6 @@ std::string with_mass(const std::string& text) {
 std::string with_nodes(const std::string& text) {
   return answer([&](Written& w) { write_file(w.model.nodes, text); });
 }
-void expect_part(const std::string& text, const std::string& part) { EXPECT_NE(text.find(part), std::string::npos) << text; }
 
 TEST(Matrices, ThatCannotBeReadAreRefusedWithTheLine) {
   const std::string head = "%%MatrixMarket matrix coordinate real symmetric\n";

@@ -110,7 +110,7 @@ TEST(ModalSource, OfAFileIsRelativeToTheVehicle) {
 
 TEST(ModalSource, OfMatricesIsRelativeToTheVehicle) {
   const ModalSource source = read(
-      "matrices: {nodes: fe/nodes.csv, mass: fe/M.mtx, stiffness: fe/K.mtx, damping: C.mtx, root: [a, 12]}\n"
+      "matrices: {nodes: fe/nodes.csv, mass: fe/M.mtx, stiffness: fe/K.mtx, damping: C.mtx, root: [a, 12], component_modes: 7}\n"
       "boundary: free\nmodes: {count: 6}\nnodes: {tip: {position: [1, 0, 0]}}\nmasses: [{mass: 1, position: [1, 0, 0]}]\n");
   const auto& matrices = std::get<MatrixModel>(source.model);
   EXPECT_EQ(matrices.nodes, "folder/fe/nodes.csv");
@@ -118,6 +118,7 @@ TEST(ModalSource, OfMatricesIsRelativeToTheVehicle) {
   EXPECT_EQ(matrices.stiffness, "folder/fe/K.mtx");
   EXPECT_EQ(matrices.damping, "folder/C.mtx");
   EXPECT_EQ(matrices.root.names, (std::vector<std::string>{"a", "12"}));
+  EXPECT_EQ(matrices.component_modes, 7);
   EXPECT_EQ(source.boundary, Boundary::free);
   EXPECT_EQ(source.points.at(0).name, "tip");
   EXPECT_EQ(source.masses.size(), 1u);

@@ -241,7 +241,7 @@ TEST(Fuzz, Matrices) {
   const std::vector<std::string> words = {"symmetric", "general", "integer", "%%MatrixMarket", "nan", "inf", "1e308", "-1", "31", "0"};
   const TemporaryFolder dir;
   ModalSource source;
-  source.model = MatrixModel{dir / "nodes.csv", dir / "M.mtx", dir / "K.mtx", "", {}, Eigen::Vector3d::Zero()};
+  source.model = MatrixModel{dir / "nodes.csv", dir / "M.mtx", dir / "K.mtx", "", {}, Eigen::Vector3d::Zero(), 0};
   source.modes.count = 2;
   const std::vector<std::string> files = {dir / "nodes.csv", dir / "M.mtx", dir / "K.mtx"};
   for (std::size_t i = 0; i < 3; ++i) fuzz::write(files[i], good[i]);
