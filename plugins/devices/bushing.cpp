@@ -49,11 +49,11 @@ struct Bushing {
                                                {"moment_x", CARDAN_PORT_OUT, "N m", 0.0, 0, "on `to`, about it", "from"},
                                                {"moment_y", CARDAN_PORT_OUT, "N m", 0.0, 0, "on `to`, about it", "from"},
                                                {"moment_z", CARDAN_PORT_OUT, "N m", 0.0, 0, "on `to`, about it", "from"}};
-  static constexpr double kMostTurn = 3.0;  // [rad] near half a turn a rotation vector is of either sign
+  static constexpr double kMostTurn = 3.0;    // [rad] near half a turn a rotation vector is of either sign
+  static constexpr double kRounding = 1e-12;  // of a matrix scaled to a diagonal of 1
 
   /// Has A = A* no negative eigenvalues? By elimination with pivots on A scaled to a diagonal of 1: metres and radians do not mix.
   static bool semidefinite(const double (&A)[6][6]) {
-    constexpr double kRounding = 1e-12;
     double s[6], B[6][6];
     for (int i = 0; i < 6; ++i) {
       if (A[i][i] < 0.0) return false;
@@ -90,8 +90,9 @@ struct Bushing {
     if (table.cols() != 6) return params.fail(matrix, "six rows");
     for (int i = 0; i < 6; ++i)
       for (int j = 0; j < 6; ++j) {
-        if (table(i, j) != table(j, i)) return params.fail(matrix, "a symmetric matrix");
-        A[i][j] = table(i, j);
+        const double apart = std::abs(table(i, j) - table(j, i));
+        if (!(apart <= kRounding * std::sqrt(std::abs(table(i, i) * table(j, j))))) return params.fail(matrix, "a symmetric matrix");
+        A[i][j] = 0.5 * (table(i, j) + table(j, i));
       }
     return semidefinite(A) || params.fail(matrix, "a matrix without negative eigenvalues");
   }

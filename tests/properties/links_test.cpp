@@ -191,6 +191,12 @@ TEST(Bushing, RefusesWhatIsNoMount) {
   Matrix6d A = Twisted::matrix(0.3);
   EXPECT_EQ(said(with_matrix(bushing(), "damping_matrix", A)), "it compiled");
   EXPECT_TRUE(has(said(with_vector(with_matrix(bushing(), "damping_matrix", A), "damping", {1, 1, 1})), "not both"));
+  // Turned by a program it is symmetric but for rounding.
+  Matrix6d Q = Matrix6d::Zero();
+  Q.topLeftCorner<3, 3>() = Q.bottomRightCorner<3, 3>() = Twisted().R;
+  const Matrix6d turned = Q * A * Q.transpose();
+  ASSERT_NE(turned, turned.transpose());
+  EXPECT_EQ(said(with_matrix(bushing(), "damping_matrix", turned)), "it compiled");
   A(1, 4) += 1e-9;
   EXPECT_TRUE(has(said(with_matrix(bushing(), "damping_matrix", A)), "symmetric"));
   // Of rank 1 it may be, in newtons beside micrometres; a thousandth less on the diagonal gives energy.
