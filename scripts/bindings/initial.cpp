@@ -122,6 +122,10 @@ int initial(lua_State* L, Scenario& s) {
     read_modes(map, "etadot", "1/s", u.n_modes, state.v.data() + u.etadot);
     map.finish();
   }
+  for (const DeviceSpec& device : s.model->spec->devices)
+    if (const auto value = s.model->spec->find(device.name) ? std::nullopt : bodies.find(device.name))
+      sink.report(Code::unknown_key, value->at(), "a body", fmt::format("the device {}", device.name),
+                  fmt::format("its states begin as the vehicle says: devices.{}.initial", device.name));
   bodies.finish();
   if (!sink.empty()) {
     std::vector<Diagnostic> all = sink.all();
