@@ -84,8 +84,8 @@ class NodeQuadrature {
   static constexpr std::array<double, 4> kWeights = {0.3478548451374538, 0.6521451548625461, 0.6521451548625461, 0.3478548451374538};
 
   /// sums_ = integral from node k to b, about node m. Newton's polynomial, point by point outwards from the interval; of each
-  /// integral the terms while they do not grow: where neighbours are too far to tell, they do. errors_: the last of them, or a quarter of
-  /// the one before; at kinks and jumps it is right but for a factor of ten.
+  /// integral the terms while they do not grow: where neighbours are too far to tell, they do. errors_: the last of them; at kinks and
+  /// jumps it is right but for a factor of ten.
   void integrate(std::size_t k, std::size_t m, double b) {
     const double a = times_[k], middle = 0.5 * (a + times_[m]), half = 0.5 * (b - a);
     const double apart = kApart * (times_[m] - a);
