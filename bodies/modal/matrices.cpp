@@ -25,6 +25,7 @@ using Eigen::Vector3d;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
 constexpr std::size_t kMostNodes = 50'000, kMostDrawnNodes = 300;
+constexpr int kMostComponentModes = 10'000;
 constexpr double kRigid = 1e-6;         // relative: what matrices printed with seven digits are right to
 constexpr double kSemidefinite = 1e-5;  // of a matrix with a unit diagonal: what rows of matrices printed with seven digits sum up to
 constexpr double kSamePlace = 1e-6;     // of the size of the body
@@ -148,6 +149,9 @@ FeModel matrix_mesh(const MatrixModel& source, const std::vector<PointMass>& mas
   for (const Vector3d& x : model.nodes) size = std::max(size, (x - model.nodes[0]).norm());
   model.element_size = kSamePlace * size;
   const int more = model.component_modes = source.component_modes;
+  if (more < 0 || more > kMostComponentModes)
+    refuse(at, "matrices.component_modes", Code::out_of_range, fmt::format("a number from 0 to {}", kMostComponentModes),
+           fmt::format("{}", more));
   model.K = read_symmetric_matrix(source.stiffness, n, {6, 3}, more, place("stiffness"));
   model.per_node = (static_cast<int>(model.K.rows()) - more) / n;
   model.M = read_symmetric_matrix(source.mass, n, {model.per_node}, more, place("mass"));

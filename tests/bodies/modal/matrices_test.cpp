@@ -8,6 +8,7 @@
 #include <cmath>
 #include <fstream>
 #include <functional>
+#include <limits>
 #include <random>
 #include <regex>
 
@@ -265,14 +266,18 @@ TEST(Matrices, OfComponentModesAreThoseOfTheWholeMesh) {
   EXPECT_FALSE(read.integrals.of_change);
   EXPECT_EQ(read.content_hash, got.content_hash);
 
-  written.model.component_modes = 4;
-  try {
-    make_modal_data(written.source(source));
-    ADD_FAILURE();
-  } catch (const InputError& e) {
-    expect_part(e.what(),
-                "expected: 16 rows and columns: six for each node, or 10 rows and columns: three for each node, and 4 of component modes");
-  }
+  for (const int wrong : {4, std::numeric_limits<int>::max()}) try {
+      written.model.component_modes = wrong;
+      make_modal_data(written.source(source));
+      ADD_FAILURE();
+    } catch (const InputError& e) {
+      if (wrong != 4)
+        expect_part(e.what(), "at: modal.matrices.component_modes\n  expected: a number from 0 to 10000");
+      else
+        expect_part(
+            e.what(),
+            "expected: 16 rows and columns: six for each node, or 10 rows and columns: three for each node, and 4 of component modes");
+    }
 }
 
 TEST(Matrices, AtSecondOrderConvergeLikeTheMesh) {
