@@ -1,6 +1,7 @@
 // Fields of families: gravity by way of the table against the one that is built into the sweeps, and what devices read.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <random>
 
@@ -630,6 +631,40 @@ TEST(FieldsOfDevices, DragKnowsAirThatTurnsWithItsPlanet) {
   const Vector3d still = acceleration({0, 0, 0}), orbiting = acceleration({0, 7600, 0});
   EXPECT_NEAR(still.y() / (0.5 * rho * 2.0 * 3.0 * std::pow(omega * r, 2) / 100.0), 1.0, 1e-12);
   EXPECT_NEAR(orbiting.y() / (-0.5 * rho * 2.0 * 3.0 * std::pow(7600.0 - omega * r, 2) / 100.0), 1.0, 1e-12);
+}
+
+/// The sphere that falls on a windy day: drag is along the air's velocity past it, which is another one at another height.
+TEST(FieldsOfDevices, DragKnowsWindsOnAPlanetAndTheirShear) {
+  const double R = 6.1e6, rate = 3e-4, latitude = 0.6, longitude = -1.1, h = 9e3;
+  const Vector3d axis = Vector3d(0.3, -0.2, 0.9).normalized(), centre(2e5, -1e5, 3e5);
+  const Vector3d x0 = axis.cross(Vector3d::UnitX()).normalized(), y0 = axis.cross(x0);
+  const Vector3d out = std::cos(longitude) * x0 + std::sin(longitude) * y0, east = std::cos(longitude) * y0 - std::sin(longitude) * x0;
+  const Vector3d up = std::cos(latitude) * out + std::sin(latitude) * axis, north = std::cos(latitude) * axis - std::sin(latitude) * out;
+  const Vector3d x = centre + (R + h) * up, v(-3.0, 8.0, -60.0);
+  const auto acceleration = [&](double more_east, double more_north, double east_shear, double north_shear) {
+    SystemSpec spec = system({satellite(0.0)});
+    spec.bodies[0].hinge.q = {1, 0, 0, 0, x.x(), x.y(), x.z()};
+    spec.bodies[0].hinge.v = {0, 0, 0, v.x(), v.y(), v.z()};
+    FieldSpec wind = field("wind", "co_rotating_wind",
+                           {{"rate", rate},
+                            {"east", more_east},
+                            {"north", more_north},
+                            {"east_shear", east_shear},
+                            {"north_shear", north_shear},
+                            {"radius", R}});
+    for (const auto& [key, a] : {std::pair("axis", axis), std::pair("centre", centre)})
+      wind.params[key].value = std::vector<double>{a.x(), a.y(), a.z()};
+    spec.fields = {field("air", "exponential_atmosphere", {{"density", 1.2}, {"radius", 1e6}, {"height", x.norm() - 1e6}}), wind};
+    spec.devices = {device("drag", "drag", {{"area", 0.3}, {"coefficient", 0.5}}, {{"at", "bus"}, {"wind", "wind"}})};
+    Simulation sim(compiled(spec), {});
+    return Vector3d(sim.vdot().segment<3>(3));
+  };
+  for (const auto& [e, n, de, dn] :
+       {std::array{0.0, 0.0, 0.0, 0.0}, std::array{30.0, -12.0, 0.0, 0.0}, std::array{-6.0, 4.0, 3e-3, -2e-3}}) {
+    const Vector3d air = rate * (R + h) * std::cos(latitude) * east + (e + de * h) * east + (n + dn * h) * north, past = v - air;
+    const Vector3d want = -0.5 * 1.2 * 0.5 * 0.3 * past.norm() * past / 100.0;
+    EXPECT_LE((acceleration(e, n, de, dn) - want).norm(), 1e-11 * want.norm()) << e << " " << n << " " << de << " " << dn;
+  }
 }
 
 /// A sphere takes E A C_R / c along the light; a plate what falls on it, and what it throws back.
