@@ -176,6 +176,7 @@ int fields(double seconds) {
       values.bytes["shape"].assign(std::istreambuf_iterator<char>(file), {});
       values.texts["shape"] = "eros_shape_856.txt", values.numbers["unit"] = {stands.empty() ? 1e5 : 1e4};
     }
+    if (stands == "with shear") values.numbers["east"] = {10.0}, values.numbers["east_shear"] = {1e-3};
     if (stands == "mars") values.numbers["orientation"] = {7.0}, values.numbers["rate"] = {7.088218e-5};
     if (stands.starts_with("iau2006")) values.numbers["orientation"] = {1.0}, values.numbers["rate"] = {7.292115e-5};
     if (stands.ends_with("bulletin")) {
@@ -241,6 +242,7 @@ int fields(double seconds) {
     for (const char* stands : {"iau2006", "iau2006 by a bulletin", "mars"})
       if (type == "spherical_harmonics") row(*family, degrees.front(), stands);
     if (type == "polyhedron") row(*family, 0, "far away");
+    if (type == "co_rotating_wind") row(*family, 0, "with shear");
   }
   return 0;
 }

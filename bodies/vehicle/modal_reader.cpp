@@ -149,7 +149,7 @@ class ModalReader {
     if (const auto root = map.find("root")) {
       if (root->node->kind == Kind::map) {
         MapReader reader(*root, context_);
-        matrices.root = read_nodes(reader, kNodesOfTable, matrices.at);
+        matrices.root = read_nodes(reader, Nodes::of_table, matrices.at);
         reader.finish();
         if (matrices.root.nearest()) context_.sink.report(Code::missing_key, root->at(), kNodesOfTable, "none of them");
       } else {
@@ -176,7 +176,7 @@ class ModalReader {
     if (map.is_map() && map.find("material")) solid.material = {read_material(map, "material")};
     if (const auto root = map.find("root")) {
       MapReader reader(*root, context_);
-      solid.root = read_nodes(reader, kNodesOfMesh, solid.at);
+      solid.root = read_nodes(reader, Nodes::of_mesh, solid.at);
       reader.finish();
       if (reader.is_map() && solid.root.nearest()) context_.sink.report(Code::missing_key, root->at(), kNodesOfMesh, "none of them");
     }
@@ -186,6 +186,7 @@ class ModalReader {
 
   static constexpr const char *kNodesOfMesh = "numbers, group, within (of position) or normal (of a plane through position)",
                               *kNodesOfTable = "names, within (of position) or normal (of a plane through position)";
+  enum class Nodes { of_mesh, of_table };
   std::vector<std::string> read_names(const DocRef& value, const char* expected, const char* hint = "") {
     std::vector<std::string> names;
     for (const DocRef& name : items(value, "a list of nodes")) names.push_back(read_text(name, "the name of a node", context_));
@@ -195,14 +196,14 @@ class ModalReader {
   }
 
   /// Which nodes of a mesh of solids or of a table, and their place.
-  NodeSet read_nodes(MapReader& map, const char* one_of, Eigen::Vector3d& position) {
+  NodeSet read_nodes(MapReader& map, Nodes nodes, Eigen::Vector3d& position) {
     NodeSet set;
-    const bool table = one_of == kNodesOfTable;
+    const bool table = nodes == Nodes::of_table;
     const auto none = std::optional<DocRef>();
     const auto numbers = table ? none : map.find("numbers"), group = table ? none : map.find("group"),
                names = table ? map.find("names") : none, within = map.find("within"), normal = map.find("normal");
     if (bool(numbers) + bool(group) + bool(names) + bool(within) + bool(normal) > 1)
-      context_.sink.report(Code::wrong_type, map.ref().at(), std::string("one of ") + one_of, "several");
+      context_.sink.report(Code::wrong_type, map.ref().at(), std::string("one of ") + (table ? kNodesOfTable : kNodesOfMesh), "several");
     if (names) set.names = read_names(*names, "names of nodes");
     if (numbers)
       for (const DocRef& number : items(*numbers, "a list of numbers of nodes")) set.numbers.push_back(read_integer(number, 1, context_));
@@ -310,9 +311,9 @@ class ModalReader {
 
   void read_place(MapReader& map, const ModalSource& source, Eigen::Vector3d& position, NodeSet& nodes) {
     if (std::holds_alternative<SolidModel>(source.model))
-      nodes = read_nodes(map, kNodesOfMesh, position);
+      nodes = read_nodes(map, Nodes::of_mesh, position);
     else if (std::holds_alternative<MatrixModel>(source.model))
-      nodes = read_nodes(map, kNodesOfTable, position);
+      nodes = read_nodes(map, Nodes::of_table, position);
     else
       position = map.vector("position", "m");
   }

@@ -299,6 +299,31 @@ TEST(Matrices, AtSecondOrderConvergeLikeTheMesh) {
   EXPECT_LE(error[1], 0.35 * error[0]) << error[0] << ", " << error[1] << ": order 2 is a quarter";
 }
 
+TEST(Matrices, TakeMassesBesideTheFiles) {
+  const ModalSource like = panel_on_yoke();
+  ModalSource bare = like;
+  bare.masses.clear();
+  const Written written(mesh_of(bare));
+  ModalSource source = written.source(like);
+  EXPECT_TRUE(make_modal_data(source).integrals.rotary_ww.empty());
+  source.masses = like.masses;
+  const ModalData want = make_modal_data(like), got = make_modal_data(source);
+  EXPECT_LE(apart(got.K, want.K), 1e-9);
+  EXPECT_NEAR(got.integrals.I1, want.integrals.I1, 1e-12 * want.integrals.I1);
+  EXPECT_LE((got.integrals.I2 - want.integrals.I2).norm(), 1e-12 * want.integrals.I1);
+  EXPECT_LE(apart(got.integrals.I7, want.integrals.I7), 1e-12);
+  // What turns with the node of the mass: psi~ J - J psi~.
+  const FeModel read = matrix_mesh(written.model, source.masses, {});
+  const FeModes modes = normal_modes(read, dofs_of(read.root_nodes), 1, RigidModes::refuse, {});
+  const int node = read.find_node(source.masses[0].position);
+  const Vector3d psi = modes.shapes.block<3, 1>(6 * node + 3, 0);
+  Matrix3d tilde;
+  tilde << 0, -psi.z(), psi.y(), psi.z(), 0, -psi.x(), -psi.y(), psi.x(), 0;
+  const Matrix3d J = source.masses[0].inertia;
+  ASSERT_FALSE(got.integrals.rotary_ww.empty());
+  EXPECT_LE(apart(got.integrals.rotary_ww[0], tilde * J - J * tilde), 1e-7);
+}
+
 TEST(Matrices, WhereMassesWeighAllDirectionsAlikeAllIntegralsAreTheirs) {
   // The stiffness of a boom; masses m_ij between its nodes, a positive matrix of any kind, and little rotary inertia.
   FeModel mesh = mesh_of(slender_boom());
