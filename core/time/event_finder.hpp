@@ -21,10 +21,14 @@ class EventFinder {
         g_begin_(n_),
         g_end_(n_),
         g_(n_),
+        g_before_(n_),
+        slope_begin_(n_),
+        slope_end_(n_),
         t_begin_(n_),
         t_cross_(n_),
         crossed_(n_),
-        quiet_(n_) {}
+        quiet_(n_),
+        quiet_before_(n_) {}
 
   std::span<const int> crossed() const { return crossed_; }
   long evaluations() const { return evaluations_; }
@@ -33,41 +37,60 @@ class EventFinder {
     if (t != t_) std::fill(quiet_.begin(), quiet_.end(), 0);  // else: what fired at t stays quiet
     t_ = t;
     evaluate(t, x, g_begin_);
+    slopes_known_ = false;
+  }
+
+  /// The last find() has not been: nobody went to its event.
+  void take_back() {
+    t_ = t_before_, quiet_until_ = quiet_until_before_, slopes_known_ = true;
+    std::swap(g_begin_, g_before_), std::swap(quiet_, quiet_before_);
   }
 
   /// What a restart at the same time keeps.
   void remember(Archive& archive) { archive(std::span(quiet_), quiet_until_, evaluations_); }
 
-  /// Looks at (end of the last search, t_end]. `state_at(t)` gives the state at t in that interval, or at its end.
+  /// Looks at (end of the last search, t_end]. `state_at(t)` gives the state at t in that interval, or at its end; `near_at(t)` one that
+  /// may be less accurate, by which corners are located; `beside(t, dt)` that at t + dt, a small way from t, which is the beginning or what
+  /// state_at() was asked for last.
   /// true: t_end becomes the time of the event, crossed() the directions.
   template <class StateAt>
   bool find(double& t_end, StateAt&& state_at) {
-    return find(t_end, state_at, state_at);
+    return find(t_end, state_at, state_at, [&](double t, double dt) { return state_at(t + dt); });
   }
-  /// `near_at(t)`: the state as corners are located by, which may be less accurate.
-  template <class StateAt, class NearAt>
-  bool find(double& t_end, StateAt&& state_at, NearAt&& near_at) {
+  template <class StateAt, class NearAt, class Beside>
+  bool find(double& t_end, StateAt&& state_at, NearAt&& near_at, Beside&& beside) {
     constexpr double eps = std::numeric_limits<double>::epsilon();
     const double resolution = std::max(1e-13 * (t_end - t_), 4.0 * eps * std::abs(t_end));
-    const double window = 100.0 * resolution;
+    const double window = 100.0 * resolution, way = kWay * (t_end - t_);
 
+    t_before_ = t_, quiet_until_before_ = quiet_until_, g_before_ = g_begin_, quiet_before_ = quiet_;
+    if (!slopes_known_) slopes(t_, way, g_begin_, slope_begin_, beside);
     evaluate(t_end, state_at(t_end), g_end_);
+    slopes(t_end, -way, g_end_, slope_end_, beside);
     std::fill(t_begin_.begin(), t_begin_.end(), t_);
     leave_zero(std::max(quiet_until_, t_ + window), t_end, state_at);
 
+    const auto beside_near = [&](double t, double dt) { return near_at(t + dt); };
     double first = kNever;
     for (std::size_t i = 0; i < n_; ++i) {
-      const bool crosses = g_begin_[i] != 0.0 && sign(g_begin_[i]) != sign(g_end_[i]);
-      t_cross_[i] = !crosses            ? kNever
-                    : i < first_corner_ ? locate(i, t_end, resolution, state_at)
-                                        : locate(i, t_end, std::max(resolution, kCorner * (t_end - t_)), near_at);
+      t_cross_[i] = kNever;
+      if (g_begin_[i] == 0.0) continue;
+      Point beyond{t_end, g_end_[i]};
+      if (sign(g_begin_[i]) == sign(g_end_[i]))
+        beyond =
+            i < first_corner_ ? dip(i, t_end, resolution, 0, state_at, beside) : dip(i, t_end, resolution, kLooks, near_at, beside_near);
+      if (beyond.t == kNever) continue;
+      t_cross_[i] = i < first_corner_ ? locate(i, beyond, resolution, state_at)
+                                      : locate(i, beyond, std::max(resolution, kCorner * (t_end - t_)), near_at);
       first = std::min(first, t_cross_[i]);
     }
     if (first == kNever) {
-      std::swap(g_begin_, g_end_);
+      std::swap(g_begin_, g_end_), std::swap(slope_begin_, slope_end_);
+      slopes_known_ = true;
       t_ = t_end;
       return false;
     }
+    slopes_known_ = false;
     double t_event = first;  // crossings closer than the window are one event, at the last of them
     for (const double t : t_cross_)
       if (t <= first + window) t_event = std::max(t_event, t);
@@ -83,7 +106,13 @@ class EventFinder {
 
  private:
   static constexpr double kNever = std::numeric_limits<double>::infinity();
-  static constexpr double kCorner = 1e-6;  // of the step: how near to a corner it ends
+  static constexpr double kCorner = 1e-6;    // of the step: how near to a corner it ends
+  static constexpr double kWay = 1e-3;       // of the interval: over which slopes are differences
+  static constexpr int kLooks = 8;           // at a corner that may be passed to and fro
+  static constexpr double kShallow = 1e-12;  // of what it is at the ends: what does not dip deeper has not crossed
+  struct Point {
+    double t, g;
+  };
 
   static int sign(double g) { return (g > 0.0) - (g < 0.0); }
 
@@ -92,6 +121,39 @@ class EventFinder {
     problem_.roots(t, x, g.data());
     if (const int i = first_not_finite(g.data(), static_cast<int>(n_)); i >= 0)
       fail_integration(Code::not_finite, t, "event function " + std::to_string(i) + " = " + std::to_string(g[i]), {});
+  }
+
+  /// None in an interval of rounding, which has no inside.
+  template <class Beside>
+  void slopes(double t, double way, const std::vector<double>& g, std::vector<double>& slope, Beside& beside) {
+    if (std::abs(way) < 4.0 * std::numeric_limits<double>::epsilon() * std::abs(t)) return std::fill(slope.begin(), slope.end(), 0.0);
+    evaluate(t + way, beside(t, way), g_);
+    for (std::size_t i = 0; i < n_; ++i) slope[i] = (g_[i] - g[i]) / way;
+  }
+
+  /// Between two ends of one sign: where it has the other one; kNever where that is not seen. The tangents at both ends lie below a
+  /// function that bends towards them: as long as they meet beyond zero, it is looked at there, and its tangent there takes the place of
+  /// one of them. looks: at least so many, for one that bends both ways.
+  template <class StateAt, class Beside>
+  Point dip(std::size_t i, double t_end, double resolution, int looks, StateAt& state_at, Beside& beside) {
+    const double side = sign(g_end_[i]);
+    struct End {
+      double t, g, slope;
+    } a{t_begin_[i], side * g_begin_[i], side * slope_begin_[i]}, b{t_end, side * g_end_[i], side * slope_end_[i]};
+    const double least = -kShallow * std::max(a.g, b.g);
+    for (; a.slope < 0.0 && b.slope > 0.0 && b.t - a.t > resolution; --looks) {
+      const double length = b.t - a.t, meet = (a.g - b.g + b.slope * length) / (b.slope - a.slope);
+      if (looks <= 0 && a.g + a.slope * meet >= least) break;
+      const double to = meet > 0.0 && meet < length ? meet : 0.5 * length, t = a.t + to,
+                   way = 2.0 * to < length ? kWay * length : -kWay * length;
+      evaluate(t, state_at(t), g_);
+      const double g = g_[i];
+      if (side * g < 0.0) return {t, g};
+      evaluate(t + way, beside(t, way), g_);
+      const End middle{t, side * g, side * (g_[i] - g) / way};
+      (middle.slope < 0.0 ? a : b) = middle;
+    }
+    return {kNever, 0.0};
   }
 
   /// A function that fired at the beginning, or is zero there, takes its sign from a little later: round-off around the
@@ -120,8 +182,8 @@ class EventFinder {
   /// Regula falsi with the Illinois weights (Dowell, Jarratt 1971), every third step a bisection so that the bracket is
   /// sure to shrink. Returns the end of the last bracket where the sign is the new one.
   template <class StateAt>
-  double locate(std::size_t i, double t_end, double resolution, StateAt& state_at) {
-    double a = t_begin_[i], g_a = g_begin_[i], b = t_end, g_b = g_end_[i];
+  double locate(std::size_t i, const Point& beyond, double resolution, StateAt& state_at) {
+    double a = t_begin_[i], g_a = g_begin_[i], b = beyond.t, g_b = beyond.g;
     int kept = 0;  // which end did not move last: -1 a, +1 b
     for (int k = 1; b - a > resolution; ++k) {
       const double guess = k % 3 == 0 ? 0.5 * (a + b) : b - g_b * (b - a) / (g_b - g_a);
@@ -141,11 +203,12 @@ class EventFinder {
   }
 
   const OdeProblem& problem_;
-  std::size_t n_, first_corner_;  // those from here on are corners
-  double t_ = 0.0, quiet_until_ = -kNever;
-  std::vector<double> g_begin_, g_end_, g_, t_begin_, t_cross_;
+  std::size_t n_, first_corner_;                                                            // those from here on are corners
+  double t_ = 0.0, quiet_until_ = -kNever, t_before_ = 0.0, quiet_until_before_ = -kNever;  // [s] before: the last find()
+  std::vector<double> g_begin_, g_end_, g_, g_before_, slope_begin_, slope_end_, t_begin_, t_cross_;
+  bool slopes_known_ = false;  // at the beginning
   std::vector<int> crossed_;
-  std::vector<signed char> quiet_;  // the direction in which one fired that is not to fire again yet
+  std::vector<signed char> quiet_, quiet_before_;  // the direction in which one fired that is not to fire again yet
   long evaluations_ = 0;
 };
 

@@ -75,9 +75,10 @@ class Extended final : public Integrator {
       taken_ = false;
       double t = t1_;
       const auto state_at = [&](double at) { return at == t1_ ? x1_.data() : (between(at, x_.data()), x_.data()); };
+      const auto beside_at = [&](double at, double dt) { return at == t0_ || at == t1_ ? beside(at, dt) : state_at(at + dt); };
       if (problem_.n_roots > 0) {
         const double end = t1_;
-        const bool event = events_.find(t, state_at);
+        const bool event = events_.find(t, state_at, state_at, beside_at);
         if (event) report.event = true, report.crossed = events_.crossed(), report.limit = StepLimit::stop;
         if (event || looked_inside_) go_to(event ? t : end);
       }
@@ -137,6 +138,16 @@ class Extended final : public Integrator {
     statistics_.rhs_calls += trial.calls;
     if (trial.order == 0) fail_integration(Code::integrator_failed, t0_, "the state inside of a step is not found", "a shorter max_step");
     motion_.found(x);
+  }
+  /// The state near one of the ends, by the rate there, which needs no more digits than a double has.
+  const double* beside(double end, double dt) {
+    const std::vector<double>& x = end == t1_ ? x1_ : x0_;
+    ++statistics_.rhs_calls;
+    if (!problem_.rhs(end, x.data(), x_.data()))
+      fail_integration(Code::integrator_failed, end, "the right-hand side cannot be evaluated", "a shorter max_step");
+    for (int i = 0; i < problem_.n; ++i)
+      x_[static_cast<std::size_t>(i)] = x[static_cast<std::size_t>(i)] + dt * x_[static_cast<std::size_t>(i)];
+    return x_.data();
   }
   /// The last step ends there.
   void go_to(double t) {

@@ -199,13 +199,15 @@ class RungeKutta final : public Integrator {
       begin();
       ++statistics_.steps;
       if constexpr (Method::adaptive) {
-        report.limit = adaptive_step(t_stop);
+        do report.limit = adaptive_step(t_stop);
+        while (problem_.n_roots > 0 && !find_event(report));
+        statistics_.error_sum += error_;
         report.stiff = stiff();
       } else {
         fixed_step(t_stop);
         if (problem_.n_quadrature > 0 && statistics_.steps % kSampled == 0) sample_error();
+        if (problem_.n_roots > 0) find_event(report);
       }
-      if (problem_.n_roots > 0) find_event(report);
       if (problem_.n_quadrature > 0) {
         if (staged_) add_staged_error();
         add_node();
@@ -413,6 +415,9 @@ class RungeKutta final : public Integrator {
     must_step(left <= 1.0 ? t_stop : t0_ + (t_stop - t0_) / left);
   }
 
+  /// Of the length of a step, so that its error is what is allowed.
+  static double change_by(double error) { return 0.9 * std::pow(error, -1.0 / Method::order); }
+
   StepLimit adaptive_step(double t_stop) requires(Method::adaptive) {
     constexpr int max_rejections = 40;
     const double h_before = h_ > 0.0 ? h_ : first_guess();
@@ -427,12 +432,12 @@ class RungeKutta final : public Integrator {
       shortened = h < h_;
       const bool evaluated = try_step(t1);
       const double error = evaluated ? error_norm(h) : std::numeric_limits<double>::infinity();
-      const double factor = std::clamp(0.9 * std::pow(error, -1.0 / Method::order), 0.2, 5.0);
+      const double factor = std::clamp(change_by(error), 0.2, 5.0);
       if (error <= 1.0) {
         const bool cut = 2.0 * h_ > left && h_ != left, longest = h_ == options_.max_step;
         const double next = h * (rejections > 0 ? std::min(factor, 1.0) : factor);
         h_ = shortened ? std::max(next, h_) : next;
-        statistics_.error_sum += error;
+        error_ = error;
         if (rejections > 0) return worst_ >= 0 ? StepLimit::error : StepLimit::given;
         if (cut || longest) return cut ? StepLimit::stop : StepLimit::given;
         worst_ = largest_of(share_.data(), n_);
@@ -508,24 +513,41 @@ class RungeKutta final : public Integrator {
     return size < 1e-5 || rate < 1e-5 || !(h > 0.0 && std::isfinite(h)) ? 1e-6 : h;  // squares of tiny tolerances overflow
   }
 
-  /// The state at a trial time is that of a step which ends there: as accurate as any other step.
-  void find_event(StepReport& report) {
+  /// The state at a trial time is that of a step which ends there: as accurate as any other step. false: it is not, as where it meets what
+  /// the whole step went past; h_ is shorter now.
+  bool find_event(StepReport& report) {
+    const double whole = t1_;
     const auto state_at = [this](double t) {
       if (t != t1_) must_step(t);
       return z1_.data();
     };
-    const auto inside = [this, whole = t1_](double t) {
+    const auto inside = [this, whole](double t) {
       if (t1_ != whole) must_step(whole);
       dense_output(t);
       if (problem_.project) problem_.project(t, work_.data());
       return work_.data();
     };
+    const auto beside = [this](double t, double dt) {
+      work_.head(n_) = t == t1_ ? z1_.head(n_) + dt * last_slope().head(n_) : z0_.head(n_) + dt * first_slope().head(n_);
+      return work_.data();
+    };
     double t = t1_;
-    if (events_.find(t, state_at, inside)) {
+    if (events_.find(t, state_at, inside, beside)) {
       report.event = true;
       report.crossed = events_.crossed();
     }
     state_at(t);
+    if constexpr (Method::adaptive) {
+      if (t == whole) return true;
+      error_ = error_norm(t1_ - t0_);
+      if (!(error_ > 1.0) || t1_ - t0_ < 64.0 * std::numeric_limits<double>::epsilon() * std::abs(t0_)) return true;
+      count_rejection(statistics_.rejected, problem_, largest_of(share_.data(), n_));
+      h_ = std::max(0.2, change_by(error_)) * (t1_ - t0_);
+      events_.take_back();
+      report.event = false;
+      return false;
+    }
+    return true;
   }
 
   OdeProblem problem_;
@@ -537,6 +559,7 @@ class RungeKutta final : public Integrator {
   int n_, n_all_;
   double t0_ = 0.0, t1_ = 0.0;  // [s] of the last step
   double h_ = 0.0;              // [s] adaptive: the next step to try
+  double error_ = 0.0;          // adaptive: of the last step, over what is allowed
   bool started_ = false, slope_known_ = false;
   int at_the_limit_ = 0, inside_ = 0;             // steps: of stability; since then not
   Eigen::ArrayXd z0_, z1_, work_, inner_, zero_;  // states and integrals: step begin, step end, trial, scratch; zeros

@@ -154,7 +154,8 @@ class Sundials final : public Integrator {
       }
       report.t = std::min(t_internal_, t_stop);
       if (problem_.n_roots > 0) {
-        report.event = events_.find(report.t, [this](double t) { return state_at(t); });
+        const auto state = [this](double t) { return state_at(t); };
+        report.event = events_.find(report.t, state, state, [this](double t, double dt) { return beside(t, dt); });
         if (report.event) report.crossed = events_.crossed(), report.limit = StepLimit::stop;
         if constexpr (!Api::multistep)
           if (report.t < t_internal_ && problem_.n_quadrature > 0) integrals_inside(report.t);  // before anything is changed there
@@ -675,6 +676,13 @@ class Sundials final : public Integrator {
     else
       inside(t);
     if (problem_.project) problem_.project(t, x_out_.data());
+    return x_out_.data();
+  }
+
+  /// The state at t + dt, near to t inwards; at the end of a step of a method of one step by the rate there.
+  const double* beside(double t, double dt) {
+    if (Api::multistep || t != t_internal_ || !evaluated_) return state_at(t + dt);
+    for (std::size_t i = 0; i < x_.size(); ++i) x_out_[i] = x_[i] + dt * last_rate_[i];
     return x_out_.data();
   }
 

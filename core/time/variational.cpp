@@ -113,7 +113,8 @@ class Variational final : public Integrator {
       to(t1, true);
       double t = t1_;
       const auto state_at = [&](double at) { return at == t1 ? x1_.data() : (between(at, x_.data()), x_.data()); };
-      if (problem_.n_roots > 0 && events_.find(t, state_at)) report.event = true, report.crossed = events_.crossed();
+      const auto beside_at = [&](double at, double dt) { return at == t0_ || at == t1_ ? beside(at, dt) : state_at(at + dt); };
+      if (problem_.n_roots > 0 && events_.find(t, state_at, state_at, beside_at)) report.event = true, report.crossed = events_.crossed();
       if (t != t1_) to(t, false), forget();
       ++statistics_.steps;
       if (problem_.n_quadrature > 0) add_node();
@@ -207,6 +208,14 @@ class Variational final : public Integrator {
   }
   void between(double t, double* x) {
     if (!advance(t, false) || !form_.leave(part_.data(), x)) x1_ = x0_, give_up();
+  }
+
+  /// The state near one of the ends of the step, by the rate there.
+  const double* beside(double end, double dt) {
+    const std::vector<double>& x = end == t1_ ? x1_ : x0_;
+    rates(end, x, x_);
+    for (std::size_t i = 0; i < x.size(); ++i) x_[i] = x[i] + dt * x_[i];
+    return x_.data();
   }
 
   void add_node() {

@@ -25,6 +25,7 @@ struct Cable {
   static constexpr cardan_state_desc marks[] = {
       {"regime", "1", 0.0, 1.0, "1: taut; 2: slack with a stretch that its damper takes; 3: slack; 0: what its length tells"}};
   static constexpr std::uint32_t n_roots = 2;
+  static constexpr double kHeld = 1e-12;  // of the length: by which it goes on in a regime, beyond rounding where it just comes to the next
 
   static bool pack(const Params& params, Packed& p) {
     p = {params.number("stiffness"), params.number("length"), params.number("damping")};
@@ -66,11 +67,13 @@ struct Cable {
   static void roots(const Packed& p, const DeviceIn<double>& in, double* g) noexcept {
     const Pull<double> at = pull(p, in);
     g[0] = std::fmin(at.elastic, at.sum), g[1] = at.elastic;
+    const auto told = static_cast<Regime>(in.d[0]);
+    if (told != kUntold) g[0] += (told == kTaut ? kHeld : -kHeld) * p.stiffness * p.length;
   }
   static void event(const Packed& p, const DeviceIn<double>& in, std::uint32_t root, int direction, double*, double* d) noexcept {
     constexpr double untold = kUntold;
     const Pull<double> at = pull(p, in);
-    if (root == n_roots) d[0] = regime(&untold, at);  // the start
+    if (root == n_roots) d[0] = at.elastic == 0.0 ? kUntold : regime(&untold, at);  // the start
     if (root == 0) d[0] = direction > 0 ? kTaut : at.elastic > 0.0 ? kGivingWay : kSlack;
     if (root == 1 && direction < 0) d[0] = kSlack;
   }

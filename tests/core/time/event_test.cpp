@@ -105,6 +105,39 @@ TEST_P(EveryMethodEvents, GrazingIsSeenFromBothSides) {
   EXPECT_TRUE(events(*integrator, {1.0 + depth}, 2.0).empty());
 }
 
+/// Two crossings in one step of half a second, by a parabola, a corner and a swing; and one that does not reach zero.
+TEST_P(EveryMethodEvents, ADipInsideOfAStepIsTwoCrossings) {
+  IntegratorOptions o = GetParam() == "rk4" ? rk4(0.5) : adaptive(GetParam(), GetParam() == "cvode_bdf" ? 1e-6 : 1e-7);
+  auto integrator = make_by(with_roots(oscillator(), 4,
+                                       [](double t, const double* x, double* g) {
+                                         g[0] = (t - 1.23) * (t - 1.23) - 1e-6;
+                                         g[1] = 2e-3 - std::abs(t - 1.77);
+                                         g[2] = 0.98 - x[0];
+                                         g[3] = x[0] + 1.02;
+                                       }),
+                            o);
+  const auto found = events(*integrator, {1.0, 0.0}, 7.0);
+  struct Expected {
+    double t;
+    int which, direction;
+  };
+  const double beside = std::acos(0.98);
+  const Expected expected[] = {{beside, 2, 1},
+                               {1.229, 0, -1},
+                               {1.231, 0, 1},
+                               {1.768, 1, 1},
+                               {1.772, 1, -1},
+                               {2.0 * kPi - beside, 2, -1},
+                               {2.0 * kPi + beside, 2, 1}};
+  ASSERT_EQ(found.size(), std::size(expected));
+  for (std::size_t k = 0; k < found.size(); ++k) {
+    std::vector<int> crossed(4);
+    crossed[expected[k].which] = expected[k].direction;
+    EXPECT_EQ(found[k].crossed, crossed) << k;
+    EXPECT_NEAR(found[k].t, expected[k].t, expected[k].which < 2 ? 1e-12 : GetParam() == "rk4" ? 0.1 : 1e-3) << k;
+  }
+}
+
 /// Near them, by the state as it is known inside of the step: an event of the same function takes at least as many right-hand sides. Each
 /// once, whether the method starts anew there or not.
 TEST_P(EveryMethodEvents, ACornerEndsAStep) {
