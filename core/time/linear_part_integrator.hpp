@@ -39,6 +39,7 @@ class LinearPartIntegrator : public Integrator {
     t0_ = t1_ = t;
     std::copy_n(x, n_, z1_.data());
     if (problem_.n_roots > 0) events_.restart(t, z1_.data());
+    tries_ = kTries;
     ++statistics_.restarts;
   }
 
@@ -47,9 +48,10 @@ class LinearPartIntegrator : public Integrator {
     if (t1_ < t_stop) {
       begin();
       ++statistics_.steps;
-      report.limit = adaptive_step(t_stop);
+      do report.limit = adaptive_step(t_stop);
+      while (problem_.n_roots > 0 && !find_event(report));
       if (n_y_ > 0) y_error_ += step_ * error_of_integrals();
-      if (problem_.n_roots > 0) find_event(report);
+      tries_ = 0;
       if (report.event) report.limit = StepLimit::stop;
       statistics_.last_step = t1_ - t0_;
     }
@@ -205,27 +207,39 @@ class LinearPartIntegrator : public Integrator {
     if (problem_.project) problem_.project(t, x);
   }
 
-  void find_event(StepReport& report) {
+  /// false: the length of the first step after a start is none of what acts now, and its stages may have gone past something as short as a
+  /// contact; h_ is a part of the way to the event now.
+  bool find_event(StepReport& report) {
     const auto state_at = [this](double t) {
       if (t == t1_) return z1_.data();
       inside(t, stage_.data());
       return stage_.data();
     };
     double t = t1_;
-    if (!events_.find(t, state_at)) return;
+    if (!events_.find(t, state_at)) return true;
+    if (t < t1_ && t - t0_ > 1e-6 * (t1_ - t0_) && tries_ > 0) {
+      --tries_;
+      h_ = 0.25 * (t - t0_);
+      events_.take_back();
+      return false;
+    }
     report.event = true;
     report.crossed = events_.crossed();
-    if (t == t1_) return;
+    if (t == t1_) return true;
     inside(t, z1_.data());
     integrals(t, y1_.data(), nullptr);
     t1_ = t;
+    return true;
   }
+
+  static constexpr int kTries = 8;
 
   IntegratorOptions options_;
   int order_;
   EventFinder events_;
   double h_ = 0.0;  // [s] the next step to try
   int worst_ = -1;  // state: of the last step or rejection
+  int tries_ = 0;   // that are left for the first step after a start
   bool started_ = false;
   int bad_ = -1;                      // state whose rate was no number in the last evaluation
   Eigen::ArrayXd y0_, y1_, y_error_;  // integrals; what they may be off by

@@ -157,8 +157,10 @@ class Sundials final : public Integrator {
         const auto state = [this](double t) { return state_at(t); };
         report.event = events_.find(report.t, state, state, [this](double t, double dt) { return beside(t, dt); });
         if (report.event) report.crossed = events_.crossed(), report.limit = StepLimit::stop;
-        if constexpr (!Api::multistep)
+        if constexpr (!Api::multistep) {
           if (report.t < t_internal_ && problem_.n_quadrature > 0) integrals_inside(report.t);  // before anything is changed there
+          if (report.event) next_step_ = initial_step_;  // what acts from here on may be far shorter, as a contact is
+        }
       }
       t_ = report.t;
       report.order = Api::last_order(memory_.get(), name_);
