@@ -14,6 +14,7 @@ using Eigen::Index;
 using Eigen::MatrixXd;
 
 constexpr int kMostDoublings = 60;
+constexpr double kMostOfDt = 1100.0;  // halves of a time, of any size that a double has
 constexpr double kRounding = 1e-15, kResidual = 1e-8;
 
 MatrixXd symmetric(const MatrixXd& A) { return 0.5 * (A + A.transpose()); }
@@ -105,10 +106,18 @@ Discretised discretised(const MatrixXd& A, const MatrixXd& B, const MatrixXd& W,
   MatrixXd both = MatrixXd::Zero(n + m, n + m), noise(2 * n, 2 * n);
   both.topRows(n) << A * dt, B * dt;
   const MatrixXd step = both.exp();
-  const MatrixXd Ad = step.topLeftCorner(n, n);
-  noise << -A * dt, W * dt, MatrixXd::Zero(n, n), A.transpose() * dt;
+  // Of so short a part of dt that exp(-A h), which is in it, is of size one; then of twice that, W + A W A*, up to dt.
+  const double size = A.lpNorm<1>() * dt;
+  const int doublings = size > 1.0 ? static_cast<int>(std::min(std::ceil(std::log2(size)), kMostOfDt)) : 0;
+  const double h = std::ldexp(dt, -doublings);
+  noise << -A * h, W * h, MatrixXd::Zero(n, n), A.transpose() * h;
   const MatrixXd spread = noise.exp();
-  return {Ad, step.topRightCorner(n, m), symmetric(Ad * spread.topRightCorner(n, n))};
+  MatrixXd part = spread.bottomRightCorner(n, n).transpose(), Wd = part * spread.topRightCorner(n, n);
+  for (int i = 0; i < doublings; ++i) {
+    Wd += (part * Wd * part.transpose()).eval();
+    part = (part * part).eval();
+  }
+  return {step.topLeftCorner(n, n), step.topRightCorner(n, m), symmetric(Wd)};
 }
 
 }  // namespace cardan

@@ -115,5 +115,24 @@ TEST(Discretised, IsTheMotionBetweenTwoTicks) {
   EXPECT_LE((discretised(A, B, W, dt).W - 5.0 * Wd).norm(), 1e-14);
 }
 
+/// A motor that follows within a part of a tick turns a wheel: noise of density q on its rate, x'' = -a x' + w.
+TEST(Discretised, TakesNoiseThroughWhatIsFastBesideATick) {
+  const double q = 0.7, T = 0.5;
+  for (const double a : {0.3, 20.0, 200.0, 2e4}) {
+    MatrixXd A(2, 2), W = MatrixXd::Zero(2, 2);
+    A << 0, 1, 0, -a;
+    W(1, 1) = q;
+    const Discretised step = discretised(A, MatrixXd(2, 0), W, T);
+    const double once = -std::expm1(-a * T), twice = -std::expm1(-2.0 * a * T);
+    MatrixXd Wd(2, 2);
+    Wd(0, 0) = q / (a * a) * (T - 2.0 * once / a + 0.5 * twice / a);
+    Wd(0, 1) = Wd(1, 0) = 0.5 * q * once * once / (a * a);
+    Wd(1, 1) = 0.5 * q * twice / a;
+    for (const auto& [r, c] : {std::pair{0, 0}, {0, 1}, {1, 1}})  // of a slow one the closed form takes three digits from the first
+      EXPECT_NEAR(step.W(r, c) / Wd(r, c), 1.0, 1e-11) << a << ": " << r << ", " << c;
+    EXPECT_NEAR(step.A(0, 1) * a / once, 1.0, 1e-11);
+  }
+}
+
 }  // namespace
 }  // namespace cardan::test
