@@ -113,9 +113,12 @@ std::optional<Unit> symbol(std::string_view name) {
   return {};
 }
 
-Unit multiply(const Unit& a, const Unit& b, int power) {
+/// Empty: a power beyond all use.
+std::optional<Unit> multiply(const Unit& a, const Unit& b, int power) {
+  constexpr int kMost = 99;
   Unit c{a.factor * std::pow(b.factor, power), a.dimension};
-  for (std::size_t i = 0; i < 6; ++i) c.dimension.exponents[i] += power * b.dimension.exponents[i];
+  for (std::size_t i = 0; i < 6; ++i)
+    if (std::abs(c.dimension.exponents[i] += power * b.dimension.exponents[i]) > kMost) return {};
   return c;
 }
 

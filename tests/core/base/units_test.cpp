@@ -21,6 +21,12 @@ QuantityFault fault(std::string_view text, std::string_view unit) {
   return f ? *f : QuantityFault{Code::yaml_syntax, "no fault", "", ""};
 }
 
+TEST(Units, HavePowersThatCanBeCounted) {
+  EXPECT_TRUE(parse_unit("(m^9)^9"));
+  for (const char* text : {"((m^9)^9)^9", "(((((((((m^9)^9)^9)^9)^9)^9)^9)^9)^9)^9", "(m^9)^9 (m^9)^9"})
+    EXPECT_FALSE(parse_unit(text)) << text;
+}
+
 TEST(Units, ConvertToSi) {
   EXPECT_EQ(value("12 kg", "kg"), 12.0);
   EXPECT_EQ(value("12 g", "kg"), 0.012);
