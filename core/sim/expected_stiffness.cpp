@@ -27,6 +27,7 @@ Stability stability_of(const std::string& method) {
   if (method == "variational") return {2.0, 2.0};  // its iteration
   if (method == "variational4") return {3.0, 3.0};
   if (method == "dopri5") return {3.3, 1.6};
+  if (method == "dop853") return {6.1, 5.4};
   if (method == "ark_explicit") return {4.0, 1.5};
   return {1.0, 1.0};  // the fixed-point iteration of Adams, about
 }
