@@ -55,9 +55,7 @@ Checkpoint Simulation::checkpoint() {
     begin_ledger();
     history_.begin(state_.t, static_cast<int>(x_.size()));
   }
-  bounce({});
-  settle_holds();
-  start_given_motion();
+  settle();
   history_.restarted(restart_.value_or(RestartCause::checkpoint));
   Archive all;
   remember(all);
@@ -77,6 +75,7 @@ void Simulation::resume(const Checkpoint& checkpoint) {
   tau_total_ = tau_;
   changed();
   rates_were_set_ = false;
+  trail_.n = 0;
   integrator_.reset();
   start_anew(all);
   all.finish();

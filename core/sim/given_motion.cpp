@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/sim/simulation.hpp"
 
@@ -16,6 +17,12 @@ constexpr double kGivenOpen = 1e-6;  // what a state that was given may be open 
 constexpr double kGivenDrift = 1e3;  // ... or so many relative tolerances
 constexpr double kGivenMoves = 1e3;  // how much more than that its coordinates may move [rad, m; of large ones relatively]
 
+/// Where one profile follows another: the rates differ by more than rounding in either.
+bool jumps(double before, double rate, const MotionProfile& was, const MotionProfile& is) {
+  constexpr double kEver = std::numeric_limits<double>::infinity();
+  return std::abs(rate - before) > 1e-9 * std::max(was.largest_rate(-kEver, kEver), is.largest_rate(-kEver, kEver));
+}
+
 double pace_of(const Eigen::VectorXd& v) { return std::max(1.0, v.size() == 0 ? 0.0 : v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>()); }
 
 }  // namespace
@@ -25,6 +32,8 @@ void Simulation::prescribe(int v_index, MotionProfile profile) {
   if (p == prescribed_.end())
     refuse(Code::bad_initial_state, {"profile of " + name_of(v_index)}, "a component that is prescribed", "one that is free to move",
            "say so in the vehicle: hinge.prescribed");
+  double& v = state_.v[v_index];
+  if (const double rate = profile.rate(state_.t); begun_ && !jumps(v, rate, p->profile, profile)) v = rate;
   p->profile = std::move(profile);
   p->given = true;
   if (begun_) start_given_motion();
@@ -76,7 +85,7 @@ void Simulation::prescribe_loop(std::string_view loop, MotionProfile profile) {
            "say so in the vehicle: loops.<name>.prescribed");
   p->more_0 = p->more(state_.t), p->t_0 = state_.t;
   const double before = p->profile.rate(state_.t), rate = profile.rate(state_.t);
-  if (begun_ && std::abs(rate - before) > 1e-9 * std::max(std::abs(rate), std::abs(before))) {
+  if (begun_ && jumps(before, rate, p->profile, profile)) {
     struck_by_loops_ = true;
     warn(Code::mission_doubt, {fmt::format("profile of {}", loop), {}},
          fmt::format("the rate is {:.6g} and the profile's {:.6g}: it jumps, and the vehicle takes it as a blow", before, rate),

@@ -344,6 +344,7 @@ class Simulation {
   void make_integrator_once();
   void remember(Archive& archive);
   void start_anew(Archive& archive);
+  void settle();
   void restart();
   void step(double t_stop);
   void tick();

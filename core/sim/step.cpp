@@ -59,12 +59,17 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   write_outputs();
 }
 
-// The integrator, at the present state.
-void Simulation::restart() {
+/// The state as the integrator may begin with it.
+void Simulation::settle() {
   bounce({});
   settle_holds();
   start_given_motion();
-  start_closed();
+  if (restart_) start_closed();
+}
+
+// The integrator, at the present state.
+void Simulation::restart() {
+  settle();
   pack(x_.data());
   integrator_->restart(state_.t, x_.data());
   if (*restart_ != RestartCause::loops) trail_.n = 0;  // x' may be another from here on
