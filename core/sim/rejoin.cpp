@@ -20,7 +20,8 @@
 namespace cardan {
 namespace {
 
-constexpr double kGap = 1e-6;  // [rad, m] that two ends of a hinge may be apart: typed numbers have a finite number of digits
+constexpr double kGap = 1e-6;    // [rad, m] that two ends of a hinge may be apart: typed numbers have a finite number of digits
+constexpr double kAfar = 2e-15;  // ... beside that, of their distance from the origin of the world: places are rounded there
 
 /// The same pose at the same coordinates.
 bool same_place(const HingeSpec& a, const HingeSpec& b) {
@@ -147,7 +148,7 @@ class Rejoining {
     const Place O = place(hinge.inboard_body, hinge.inboard_node, onode(hinge)), P = outboard(body);
     const HingeFit found = fit_hinge(*family, packed, inverse(O.pose) * P.pose, 1.0, hinge.q);
     const double turn = found.e.head<3>().norm(), shift = found.e.tail<3>().norm();
-    if (turn <= kGap && shift <= kGap) return;
+    if (turn <= kGap && shift <= kGap + kAfar * to_eigen(O.pose.p).norm()) return;
     refuse(Code::ends_apart, at, fmt::format("ends that a hinge of type {} can join where they are", hinge.type),
            fmt::format("{:.3g} rad and {:.3g} m between them at t = {:.6g} s", turn, shift, state_.t),
            "as_found = true holds them as they are");

@@ -282,6 +282,26 @@ TEST(Rejoin, EndsThatAreApartAreRefused) {
   }
 }
 
+/// Bodies of one tree are no further apart than rounding of their places, however far that is from the origin of the world.
+TEST(Rejoin, AHingeBecomesAnotherFarFromTheOrigin) {
+  for (int i = 1; i <= 10; ++i) {
+    const double angle = 0.17 * i;
+    BodySpec base = on(rigid("base", 10, {0, 0, 0}, diagonal({1, 2, 3})), "", "free"),
+             arm = on(rigid("arm", 2, {0.3, 0, 0}, diagonal({1, 1, 1})), "base", "revolute", {{0, 0, 1}}, {1.3, 0.7, 0.9});
+    base.hinge.q = {0.8, 0.36, 0.48, 0, 1.1e11 + i, 0.9e11, 1e9};  // [m] about the Sun
+    arm.hinge.q = {angle}, arm.hinge.pnode_position = {0.37, 0.21, 0};
+    SystemSpec next = system({base, arm});
+    Simulation sim(compiled(next), {});
+    next.bodies[1].hinge.type = "ball", next.bodies[1].hinge.params.clear(), next.bodies[1].hinge.q.clear();
+    const Rejoined there = rejoin(sim, next, registry(), {});
+    const UserBody& u = there.model->user[1];
+    EXPECT_NEAR(there.state.q[u.q], std::cos(0.5 * angle), kRound);
+    EXPECT_NEAR(there.state.q[u.q + 3], std::sin(0.5 * angle), kRound);
+    next.bodies[1].hinge.onode_position.x() += 1e-3;
+    EXPECT_THROW(rejoin(sim, next, registry(), {}), InputError);
+  }
+}
+
 /// 1 kg at 3 m/s catches 2 kg at rest: 1 m/s together, and the energy is that of the books.
 TEST(Rejoin, APlasticImpactIsThatOfTheBooks) {
   BodySpec a = on(particle("a", 1.0, {0, 0, 0}), "", "translational"), b = on(particle("b", 2.0, {0, 0, 0}), "", "translational");
