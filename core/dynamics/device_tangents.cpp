@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstddef>
 #include <cstring>
 
 namespace cardan {
@@ -22,6 +23,15 @@ void scale_altered(const std::vector<AlteredPort>& all, int first, int n, std::v
     if (is_of_it(a)) a.x = rates[a.index + a.of];
   for (const AlteredPort& a : all)
     if (is_of_it(a)) rates[a.index] = a.scale * a.x;
+}
+
+/// [m, rad, m/s, rad/s] What a law of poses and of their rates bends over at least, or this part of how far they are from zero: places in
+/// orbit are near each other.
+constexpr double kBeside = 1.0, kFar = 1e-7;
+/// Of a number of cardan_mount_motion.
+double size_of_motion(std::size_t number, double x) {
+  const bool is_pose_or_rate = number < offsetof(cardan_mount_motion, alpha) / sizeof(double);
+  return std::max(kBeside, is_pose_or_rate ? kFar * std::abs(x) : std::abs(x));
 }
 
 }  // namespace
@@ -83,8 +93,9 @@ void DeviceTangents::differences(const Device& d, const cardan_device_args& at, 
   gather(at, x), gather(along, dx);
   double rate = 0.0;  // largest rate over the size of what moves
   for (std::size_t i = 0; i < n_read; ++i) {
-    const double size =
-        i < n_mounts * kMotion + n_in ? std::max(1.0, std::abs(x[i])) : model_.devices.nominal[d.z + (i - n_mounts * kMotion - n_in)];
+    const double size = i < n_mounts * kMotion          ? size_of_motion(i % kMotion, x[i])
+                        : i < n_mounts * kMotion + n_in ? std::max(1.0, std::abs(x[i]))
+                                                        : model_.devices.nominal[d.z + (i - n_mounts * kMotion - n_in)];
     rate = std::max(rate, std::abs(dx[i]) / size);
   }
   std::fill_n(out, n, 0.0);
