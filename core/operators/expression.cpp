@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <optional>
 #include <utility>
 
@@ -208,7 +209,7 @@ std::optional<Formula> inverse_of(const Formula& f) {
     if (same(turned, from)) return star_of(to);
   if (f->form == Form::sum && f->parts.size() == 1) {
     const auto inner = inverse_of(f->parts[0]);
-    if (!inner) return std::nullopt;
+    if (!inner || !std::isnormal(f->scales[0])) return std::nullopt;
     return sum_of({{1.0 / f->scales[0], *inner}});
   }
   if (f->form == Form::sum) {  // s (I + H phi K), its terms in any order
@@ -216,12 +217,11 @@ std::optional<Formula> inverse_of(const Formula& f) {
     const auto one = std::find_if(bare.parts.begin(), bare.parts.end(), [](const Formula& p) { return p->form == Form::identity; });
     if (one == bare.parts.end()) return std::nullopt;
     const double s = bare.scales[one - bare.parts.begin()];
+    if (!std::isnormal(s) || (s == 1.0 && one == bare.parts.begin())) return std::nullopt;
     std::rotate(bare.scales.begin(), bare.scales.begin() + (one - bare.parts.begin()), bare.scales.end());
     std::rotate(bare.parts.begin(), one, bare.parts.end());
     for (double& scale : bare.scales) scale /= s;
-    const Formula again = make(std::move(bare));
-    if (same(again, f)) return std::nullopt;
-    const auto inner = inverse_of(again);
+    const auto inner = inverse_of(make(std::move(bare)));
     return inner ? std::optional(sum_of({{1.0 / s, *inner}})) : std::nullopt;
   }
   if (f->form != Form::product) return std::nullopt;

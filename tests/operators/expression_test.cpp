@@ -145,6 +145,12 @@ TEST(Expressions, RefuseWhatDoesNotFit) {
   EXPECT_WORDS(refusal([&] { leaf(Kind::H) + one; }), "a square operator beside I");
   EXPECT_WORDS(refusal([&] { leaf(Kind::H).inv(); }), "C0903");
   EXPECT_WORDS(refusal([&] { (leaf(Kind::M) + leaf(Kind::P)).inv(); }), "no rule");
+  const Expression passed = leaf(Kind::H) * leaf(Kind::phi) * leaf(Kind::K);
+  for (const double none : {0.0, std::nan("")}) {
+    EXPECT_WORDS(refusal([&] { (none * leaf(Kind::phi)).inv(); }), "no rule");
+    EXPECT_WORDS(refusal([&] { (none * (passed + one)).inv(); }), "no rule");
+    EXPECT_WORDS(refusal([&] { (none * passed + one).inv(); }), "no rule");
+  }
   EXPECT_WORDS(refusal([&] { leaf(Kind::H).apply(VectorXd::Zero(1)); }), "C0902");
   EXPECT_WORDS(refusal([&] { leaf(Kind::phi).eigenvalues(1); }), "symmetric");
   EXPECT_WORDS(refusal([&] { leaf(Kind::phi) + Expression::leaf(at_initial_state(tree), Kind::phi); }), "two models");
