@@ -33,6 +33,12 @@ std::string who_stands_now(const Model& before, const Model& after, const ModelM
   return out;
 }
 
+bool same_params(const Model& before, const Device& was, const Model& after, const Device& is) {
+  const auto same = [](const auto& x, const auto& y) { return x.first == y.first && x.second.value == y.second.value; };
+  return std::ranges::equal(before.spec->devices[static_cast<std::size_t>(was.spec)].params,
+                            after.spec->devices[static_cast<std::size_t>(is.spec)].params, same);
+}
+
 /// What the run, its outputs and whoever holds an index may refer to is still there.
 void expect_all_of(const Model& before, const ModelMap& map, const Model& after) {
   for (std::size_t i = 0; i < map.body.size(); ++i) {
@@ -106,6 +112,7 @@ void Simulation::take_in() {
   history_.leave_model();
   ledger();  // up to here
   const Sums were = in_run ? sums() : Sums{};
+  const std::vector<double> roots_were = in_run ? roots_of_devices() : std::vector<double>();
   const std::shared_ptr<const Model> before = model_;
   const auto make = std::exchange(next_model_, nullptr);
   Rejoined next = make();
@@ -168,11 +175,20 @@ void Simulation::take_in() {
   history_.resize(static_cast<int>(x_.size()));
   const auto found = std::ranges::count_if(map.device, [](int i) { return i >= 0; });
   if (devices_ && found < std::ssize(model_->devices.all)) start_devices(map.device);
-  for (const DeviceMass& m : model_->devices.masses) {  // what is empty hangs on their parameters
-    observe();
-    device_event(m.device, model_->devices.all[static_cast<std::size_t>(m.device)].family->n_roots, 0);
-    changed();
+  // Devices of other parameters begin with them as at the start; of others what the change has carried across zero happens.
+  std::vector<double> roots(static_cast<std::size_t>(model_->devices.n_roots), 0.0);
+  for (std::size_t i = 0; i < map.device.size(); ++i) {
+    const Device &was = before->devices.all[i], &is = model_->devices.all[static_cast<std::size_t>(map.device[i])];
+    const std::uint32_t n = is.family->n_roots;
+    if (same_params(*before, was, *model_, is)) {
+      std::copy_n(roots_were.begin() + was.root, n, roots.begin() + is.root);
+    } else {
+      observe();
+      device_event(map.device[i], n, 0);
+      changed();
+    }
   }
+  pass_roots(roots);
   for (std::size_t i = 0; i < map.body.size(); ++i) {
     const UserBody& u = before->user[i];
     if (u.n_modes == 0) continue;

@@ -203,6 +203,28 @@ void Simulation::device_roots(double t, const double* x, double* g) {
   if (m.devices.n_edges > 0) on_trial_->edges(g + m.devices.n_roots + m.devices.holds.size());
 }
 
+/// At the present state.
+std::vector<double> Simulation::roots_of_devices() {
+  std::vector<double> g, x;
+  if (!on_trial_) return g;
+  g.resize(static_cast<std::size_t>(n_roots()) - events_.size() - limits_.size());
+  x.resize(x_given_.size());
+  pack(x.data());
+  observe();  // what inputs are given
+  if (!unless_thrown([&] { device_roots(state_.t, x.data(), g.data()); })) fail(explain({}));
+  g.resize(static_cast<std::size_t>(model_->devices.n_roots));
+  return g;
+}
+
+/// What a jump of the state has carried across zero happens; `before`: roots before it, 0 of those that do not count.
+void Simulation::pass_roots(std::span<const double> before) {
+  const std::vector<double> now = roots_of_devices();
+  std::vector<int> crossed(now.size() + model_->devices.holds.size(), 0);
+  for (std::size_t i = 0; i < now.size(); ++i)
+    if (before[i] < 0.0 ? now[i] > 0.0 : before[i] > 0.0 && now[i] < 0.0) crossed[i] = now[i] > 0.0 ? 1 : -1;
+  if (std::ranges::any_of(crossed, [](int side) { return side != 0; })) device_events(crossed);
+}
+
 /// `but`: devices that have started before.
 void Simulation::start_devices(std::span<const int> but) {
   if (!devices_) return;

@@ -36,7 +36,12 @@ void Simulation::prescribe(int v_index, MotionProfile profile) {
   if (const double rate = profile.rate(state_.t); begun_ && !jumps(v, rate, p->profile, profile)) v = rate;
   p->profile = std::move(profile);
   p->given = true;
-  if (begun_) start_given_motion();
+  if (begun_) {
+    const std::vector<double> roots = roots_of_devices();
+    start_given_motion();
+    changed();
+    pass_roots(roots);
+  }
   changed();
 }
 
@@ -169,7 +174,8 @@ void Simulation::start_closed() {
   const bool struck = std::exchange(struck_by_loops_, false);
   Momentum p_before;
   Energy e_before;
-  if (struck) ledger(), p_before = momentum(), e_before = energy();
+  std::vector<double> roots;
+  if (struck) ledger(), p_before = momentum(), e_before = energy(), roots = roots_of_devices();
   Eigen::Map<Eigen::VectorXd> as_given(x_.data(), model_->nq);  // packed anew after this
   as_given = state_.q;
   if (!close_loops(state_.t, state_.q.data(), state_.v.data())) fail(explain({}));
@@ -196,6 +202,7 @@ void Simulation::start_closed() {
   Balances::Integrals given;
   given << p.linear - p_before.linear, p.angular - p_before.angular, energy().total() - e_before.total();
   balances_.jump(given);
+  pass_roots(roots);
 }
 
 double Simulation::next_corner() const {

@@ -283,6 +283,8 @@ class Simulation {
   void pack(double* x) const;
   void unpack(const double* x);
   void device_roots(double t, const double* x, double* g);
+  std::vector<double> roots_of_devices();
+  void pass_roots(std::span<const double> before);
   void start_devices(std::span<const int> but = {});
   Inputs hold_inputs(double t, const double* x);
   bool look_at_holds(double t, const double* x);

@@ -1,5 +1,7 @@
 // cable: a spring and a damper along the line between two nodes that pull and never push: f = max(0, k (l - l_0) + c l') where l > l_0,
 // else it is slack. Both instants are located.
+#include <limits>
+
 #include "plugins/devices/line.hpp"
 
 namespace cardan {
@@ -63,17 +65,19 @@ struct Cable {
     const Pull<double> at = pull(p, in);
     return regime(in.d, at) == kSlack ? 0.0 : 0.5 * at.elastic * at.elastic / p.stiffness;
   }
-  /// Above zero where it is taut: both the stretch and the force are then. And where a stretch that was left is gone.
+  /// Above zero where it is taut: both the stretch and the force are then. And where a stretch that was left is gone. What is not taut at
+  /// zero is below it, so that a cable that begins at its length crosses it.
   static void roots(const Packed& p, const DeviceIn<double>& in, double* g) noexcept {
     const Pull<double> at = pull(p, in);
     g[0] = std::fmin(at.elastic, at.sum), g[1] = at.elastic;
     const auto told = static_cast<Regime>(in.d[0]);
     if (told != kUntold) g[0] += (told == kTaut ? kHeld : -kHeld) * p.stiffness * p.length;
+    if (g[0] == 0.0 && regime(in.d, at) != kTaut) g[0] = -std::numeric_limits<double>::min();
   }
   static void event(const Packed& p, const DeviceIn<double>& in, std::uint32_t root, int direction, double*, double* d) noexcept {
     constexpr double untold = kUntold;
     const Pull<double> at = pull(p, in);
-    if (root == n_roots) d[0] = at.elastic == 0.0 ? kUntold : regime(&untold, at);  // the start
+    if (root == n_roots) d[0] = regime(&untold, at);  // the start
     if (root == 0) d[0] = direction > 0 ? kTaut : at.elastic > 0.0 ? kGivingWay : kSlack;
     if (root == 1 && direction < 0) d[0] = kSlack;
   }

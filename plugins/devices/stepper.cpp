@@ -84,10 +84,11 @@ struct Stepper {
     return held_energy(p, q, field_of(p, in)) + 0.25 * p.detent / p.p * versine(4.0 * p.p * q) - in.d[1];
   }
 
-  /// Half a microstep ahead of the field and behind it.
+  /// Half a microstep ahead of the field and behind it, and by more than rounding: a field that has just stepped is on this side of the
+  /// place where it steps back.
   static void roots(const Packed& p, const DeviceIn<double>& in, double* g) noexcept {
-    const double ahead = p.microsteps * (in.z[0] - in.d[0]);
-    g[0] = ahead - 0.5, g[1] = ahead + 0.5;
+    const double ahead = p.microsteps * (in.z[0] - in.d[0]), half = 0.5 + 1e-14 * (1.0 + std::abs(p.microsteps * in.z[0]));
+    g[0] = ahead - half, g[1] = ahead + half;
   }
   static void event(const Packed& p, const DeviceIn<double>& in, std::uint32_t root, int direction, double*, double* d) noexcept {
     if (!(p.microsteps > 0.0)) return;

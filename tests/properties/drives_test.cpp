@@ -77,6 +77,21 @@ TEST(Stepper, FollowsSlowSteps) {
     }
 }
 
+/// Told to turn back where it has just stepped, half a step ahead of where its field stood, the field turns back with it.
+TEST(Stepper, TurnsBackWhereItHasJustStepped) {
+  const double step = 0.02;
+  for (const double microsteps : {1.0, 16.0}) {
+    Simulation sim(
+        compiled(on_a_shaft(0.001, 0.0, {{"step", step}, {"holding_torque", 2.0}, {"microsteps", microsteps}, {"damping", 0.6}}, 1.0)),
+        accurate("dopri5", 1e-9));
+    sim.run(0.5 / microsteps);
+    sim.set_device_input(0, -1.0);
+    sim.run(0.75 / microsteps + 4.5);
+    EXPECT_NEAR(sim.device_output(1), step * std::round(0.25 - 4.5 * microsteps) / microsteps, 1e-14);
+    EXPECT_TRUE(sim.ledger().pass);
+  }
+}
+
 /// Too fast from the start it is left behind by whole turns of the field: four steps each.
 TEST(Stepper, MissesStepsByFours) {
   const double step = 0.02;
@@ -284,6 +299,22 @@ TEST(RecordedLoad, HasEndsAsTold) {
   EXPECT_NEAR(v, (std::cos(2 * pi * -0.25) - std::cos(2 * pi * 3.35)) / (2 * pi), 2e-4);
   EXPECT_NEAR(driven(rows_of_force(times, sine), "cubic", "repeat", 3.0, 0.25).second, 0.0, 1e-12);  // whole periods
   (void)x;
+}
+
+/// Told in the midst of a run that it starts at another time it is at the row of that time.
+TEST(RecordedLoad, TakesAnotherStart) {
+  const auto spec = [](double start) {
+    SystemSpec out = system({on(particle("mass", 1.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}})});
+    out.devices = {device("record", "recorded_load", {{"start", start}}, {{"at", "mass"}})};
+    out.devices[0].params["between"].value = std::string("linear");
+    out.devices[0].params["record"].value = rows_of_force({0.0, 0.1, 0.2}, [](double t) { return t == 0.1 ? 4.0 : 0.0; });
+    return out;
+  };
+  Simulation sim(compiled(spec(0.0)), accurate());
+  sim.every({1000, 1}, [&] { sim.adopt(compiled(spec(0.4))); }, {1, 2});
+  sim.run(0.6);
+  EXPECT_NEAR(sim.state().v[0], 0.4 + 0.2, 1e-12);  // a whole tooth of 4 N over 0.2 s, and the second half of another
+  EXPECT_TRUE(sim.ledger().pass);
 }
 
 /// A record that began long ago is where it is: what is lost is the rounding of the time since then, not that of each row as often as it

@@ -257,6 +257,70 @@ TEST(Cable, CatchesAndLetsGo) {
     }
 }
 
+SystemSpec bead_on_a_line(double place, double rate, const std::vector<std::pair<std::string, double>>& numbers) {
+  BodySpec bead = on(particle("bead", 2.0, {0, 0, 0}), "", "prismatic", {{0.6, 0, 0.8}});
+  bead.hinge.q = {place}, bead.hinge.v = {rate};
+  SystemSpec spec = system({bead});
+  spec.devices = {device("line", "cable", numbers, {{"from", "world"}, {"to", "bead"}})};
+  return spec;
+}
+
+/// What begins at its length, at a rate or pushed from rest, is a spring from there on: v / w sin(w t), and g / w^2 (1 - cos(w t)).
+TEST(Cable, PullsFromItsLengthOn) {
+  const double k = 50.0, length = 1.0, v = 0.8, g = 0.7, t = 0.4, w = std::sqrt(k / 2.0);
+  for (const char* method : {"dopri5", "dop853", "cvode_adams"}) {
+    const SystemSpec at_rate = bead_on_a_line(length, v, {{"stiffness", k}, {"length", length}});
+    SystemSpec pushed = bead_on_a_line(length, 0.0, {{"stiffness", k}, {"length", length}});
+    pushed.gravity = uniform_gravity({0.6 * g, 0, 0.8 * g});
+    Simulation a(compiled(at_rate), accurate(method, 1e-11)), b(compiled(pushed), accurate(method, 1e-11));
+    a.run(t), b.run(t);
+    EXPECT_NEAR(a.state().q[0], length + v / w * std::sin(w * t), 1e-9) << method;
+    EXPECT_NEAR(b.state().q[0], length + g / (w * w) * (1.0 - std::cos(w * t)), 1e-9) << method;
+    EXPECT_EQ(a.device_output(2), 1.0);
+    EXPECT_TRUE(a.ledger().pass && b.ledger().pass) << method;
+  }
+}
+
+/// A blow that sends its ends towards each other faster than its spring draws leaves nothing that pulls, and one that sends them apart
+/// again makes it pull at once.
+TEST(Cable, FollowsBlows) {
+  const double k = 5.0, c = 3.0, length = 1.0;
+  SystemSpec spec = bead_on_a_line(1.5, 0.1, {{"stiffness", k}, {"length", length}, {"damping", c}});
+  for (const double side : {-1.0, 1.0}) {
+    DeviceSpec jet = with_vector(device(side < 0.0 ? "back" : "forth", "pulsed_thruster", {{"bit", 6.0}}, {{"at", "bead"}}), "direction",
+                                 {0.6 * side, 0, 0.8 * side});
+    jet.rate = 10.0;
+    spec.devices.push_back(jet);
+  }
+  Simulation sim(compiled(spec), accurate());
+  sim.run(0.15);
+  EXPECT_EQ(sim.device_output(2), 1.0);
+  sim.set_device_input(0, 1.0), sim.run(0.2), sim.set_device_input(0, 0.0);
+  const double s = sim.state().q[0], v = sim.state().v[0];
+  ASSERT_LT(k * (s - length) + c * v, 0.0);
+  sim.run(0.25);
+  EXPECT_NEAR(sim.state().q[0], s + v * 0.05, 1e-12);
+  EXPECT_EQ(sim.state().v[0], v);
+  EXPECT_EQ(sim.device_output(2), 0.0);
+  sim.set_device_input(1, 1.0), sim.run(0.3), sim.set_device_input(1, 0.0);
+  const double pull = k * (sim.state().q[0] - length) + c * sim.state().v[0];
+  ASSERT_GT(sim.state().q[0], length);
+  ASSERT_GT(pull, 0.0);
+  EXPECT_NEAR(sim.vdot()[0], -pull / 2.0, 1e-12);
+  sim.run(0.5);
+  EXPECT_TRUE(sim.ledger().pass);
+}
+
+/// Made shorter in the midst of a run than its ends are apart it is a spring from there on.
+TEST(Cable, IsTautAtOnceWhereItIsMadeShorter) {
+  const double k = 50.0, t = 0.2, w = std::sqrt(k / 2.0);
+  Simulation sim(compiled(bead_on_a_line(1.0, 0.0, {{"stiffness", k}, {"length", 2.0}})), accurate());
+  sim.every({1000, 1}, [&] { sim.adopt(compiled(bead_on_a_line(1.0, 0.0, {{"stiffness", k}, {"length", 0.9}}))); }, {1, 2});
+  sim.run(0.5 + t);
+  EXPECT_NEAR(sim.state().q[0], 0.9 + 0.1 * std::cos(w * t), 1e-9);
+  EXPECT_TRUE(sim.ledger().pass);
+}
+
 /// Taut all the time it is a spring_damper, to the last bit of what it pulls with.
 TEST(Cable, IsASpringWhileItIsTaut) {
   const Twisted at;
