@@ -42,10 +42,13 @@ std::optional<DensePairs> modal_pairs(const MatrixXd& K, const MatrixXd& M) {
 /// stiff mode, beside rates that count once, take the digits of all other eigenvalues.
 static void balance(MatrixXd& A) {
   constexpr double kWorth = 0.95;  // less of the norm is no gain
+  // Of what stands beside the diagonal alone: a sum less the diagonal is rounding where that is large, and no factor makes it smaller.
+  const VectorXd diagonal = A.diagonal();
+  A.diagonal().setZero();
   for (bool changed = true; changed;) {
     changed = false;
     for (Eigen::Index i = 0; i < A.rows(); ++i) {
-      const double diagonal = std::abs(A(i, i)), column = A.col(i).lpNorm<1>() - diagonal, row = A.row(i).lpNorm<1>() - diagonal;
+      const double column = A.col(i).lpNorm<1>(), row = A.row(i).lpNorm<1>();
       if (!(column > 0.0 && row > 0.0) || !std::isfinite(column + row)) continue;
       const double factor = std::exp2(std::round(0.5 * std::log2(row / column)));
       if (factor * column + row / factor >= kWorth * (column + row)) continue;
@@ -53,6 +56,7 @@ static void balance(MatrixXd& A) {
       changed = true;
     }
   }
+  A.diagonal() = diagonal;
 }
 Eigen::VectorXcd eigenvalues(const MatrixXd& A) {
   MatrixXd balanced = A;

@@ -43,6 +43,18 @@ TEST(Dense, DividesATallMatrixIntoOrthonormalColumnsAndATriangle) {
   }
 }
 
+/// Equal oscillators side by side: what couples them is rounding, which balancing must not chase for ever.
+TEST(Dense, FindsEigenvaluesBesideRounding) {
+  for (unsigned seed = 0; seed < 2000; ++seed) {
+    MatrixXd A = 1e-12 * random(3, 3, seed).cwiseAbs2().cwiseProduct(random(3, 3, seed + 1));
+    A.diagonal().setConstant(1284.8051878541421);
+    EXPECT_LT(largest(eigenvalues(A).cwiseAbs().array() - A(0, 0)), kRoundOff * A(0, 0)) << seed;
+  }
+  MatrixXd pair(2, 2);
+  pair << 1284.8051878541421, 1.3514305529529802e-12, -1.7017466992078908e-13, 1284.8051878541421;
+  EXPECT_LT(largest(eigenvalues(pair).cwiseAbs().array() - pair(0, 0)), kRoundOff * pair(0, 0));
+}
+
 TEST(Dense, SolvesByPivotsAndTellsHowNearTheMatrixIsToASingularOne) {
   MatrixXd A = random(6, 6, 4);
   A(0, 0) = 0.0;
