@@ -11,6 +11,7 @@
 #include "core/base/poll.hpp"
 #include "core/linalg/dense.hpp"
 #include "core/model/components.hpp"
+#include "core/model/loops.hpp"
 #include "core/operators/linear_model.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/sim/operating_state.hpp"
@@ -22,17 +23,17 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 
-constexpr double kTied = 1e-9;     // singular values of what loops tie to what stands, over the largest
-constexpr double kNeutral = 1e-9;  // an eigenvalue, over the largest, that counts as zero
-constexpr int kParts = 4;          // of a step of Newton, each half of the one before
-constexpr int kDamped = 10;        // damped steps
-constexpr double kDamping = 1e-4;  // of the first of them, over what is left of r
-constexpr double kTurning = 1e-6;  // rates of loops that cannot be at rest, over the largest rate, or 1
-constexpr double kStalled = 1e-8;  // where nothing comes nearer: what is left, as a displacement, that is rounding
-constexpr double kBent = 0.5;      // of r: how far r may be from what its slope told, for a step of the descent
-constexpr double kCaution = 0.9;   // of the span that would just reach that
-constexpr double kSpans = 8.0;     // by which spans grow and shrink at most
-constexpr int kShrunk = 24;        // times, at most, in one step
+constexpr double kTied = 1e-9;      // singular values of what loops tie to what stands, over the largest
+constexpr double kNeutral = 1e-12;  // an eigenvalue, over the largest, that counts as zero
+constexpr int kParts = 4;           // of a step of Newton, each half of the one before
+constexpr int kDamped = 10;         // damped steps
+constexpr double kDamping = 1e-4;   // of the first of them, over what is left of r
+constexpr double kTurning = 1e-6;   // rates of loops that cannot be at rest, over the largest rate, or 1
+constexpr double kStalled = 1e-8;   // where nothing comes nearer: what is left, as a displacement, that is rounding
+constexpr double kBent = 0.5;       // of r: how far r may be from what its slope told, for a step of the descent
+constexpr double kCaution = 0.9;    // of the span that would just reach that
+constexpr double kSpans = 8.0;      // by which spans grow and shrink at most
+constexpr int kShrunk = 24;         // times, at most, in one step
 
 double largest(const VectorXd& x) { return x.size() > 0 ? x.lpNorm<Eigen::Infinity>() : 0.0; }
 
@@ -40,6 +41,7 @@ double largest(const VectorXd& x) { return x.size() > 0 ? x.lpNorm<Eigen::Infini
 struct Slope {
   MatrixXd along, rates;  // nv x k
   MatrixXd J;             // k x k
+  MatrixXd M;             // k x k, masses of these motions
   VectorXd r(const VectorXd& vdot) const { return rates.transpose() * vdot; }
   VectorXd size;  // k: of each row of J the largest entry so far (as Moré 1978 does with columns); 1 where there was none
   void set_sizes(VectorXd& largest_yet) {
@@ -60,9 +62,16 @@ struct Slope {
   }
   /// The dy that y' = r takes in a span, by Euler's implicit step: (1 - span J) dy = span r.
   VectorXd descent(const VectorXd& r, double span) const { return lu_solve(MatrixXd::Identity(J.rows(), J.cols()) - span * J, span * r).x; }
-  /// Of y'' = J y: the eigenvalue that lets it grow most, zero if none does but by rounding.
+  /// The forces M r that are left, as displacements: of each over the largest entry of its row of the stiffness M J. Stiff modes are in
+  /// each row of J itself, and hide there what is soft.
+  VectorXd unbalanced(const VectorXd& r) const {
+    return (M * r).cwiseQuotient((M * J).rowwise().lpNorm<Eigen::Infinity>().unaryExpr([](double x) { return x > 0.0 ? x : 1.0; }));
+  }
+  /// Of y'' = J y: the eigenvalue that lets it grow most, zero if none does but by rounding; by motions of mass 1 each, in which J of a
+  /// potential is symmetric and so rounding small.
   double growth() const {
-    const Eigen::ArrayXcd lambda = eigenvalues(J);
+    const MatrixXd Y = cholesky(M) ? orthonormalised(MatrixXd::Identity(M.rows(), M.cols()), M) : MatrixXd();
+    const Eigen::ArrayXcd lambda = eigenvalues(Y.size() > 0 ? MatrixXd(Y.transpose() * M * J * Y) : J);
     const double most = lambda.real().maxCoeff();
     return most > kNeutral * lambda.abs().maxCoeff() ? most : 0.0;
   }
@@ -118,6 +127,7 @@ class Search {
  private:
   Simulation trial_;
   const Model& m_;
+  const std::shared_ptr<const Model> open_ = open_tree(trial_.own_model());
   std::vector<std::uint8_t> moves_, turns_;  // per velocity component
   std::optional<LoopProjection> loops_;
 
@@ -154,7 +164,7 @@ class Search {
       const double far = std::max(1.0, largest(went));
       const bool undamped = approach_by_newton(slope, d, options.step, went);
       nearer = undamped || approach_with_damping(slope, r, options.step, went);
-      out.settled = undamped ? largest(d) <= options.tolerance * far : !nearer && largest(slope.scaled(r)) <= kStalled * far;
+      out.settled = undamped ? largest(d) <= options.tolerance * far : !nearer && largest(slope.unbalanced(r)) <= kStalled * far;
     }
     return out;
   }
@@ -175,7 +185,7 @@ class Search {
       if (const double growth = slope.growth(); growth > 0.0) span = std::min(span, 0.5 / growth);
       const bool went_on = approach_by_descent(slope, r, options.step, span, went);
       out.settled =
-          largest(slope.along * slope.newton_step(r)) <= options.tolerance * far || (!went_on && largest(slope.scaled(r)) <= kStalled);
+          largest(slope.along * slope.newton_step(r)) <= options.tolerance * far || (!went_on && largest(slope.unbalanced(r)) <= kStalled);
       if (!went_on) break;
     }
     return out;
@@ -210,12 +220,18 @@ class Search {
   Slope slope_here() {
     const OperatingState at = operating_state(trial_);
     const double* q = trial_.state().q.data();
-    if (loops_) return closed_slope(at.point(q));
+    Slope out = loops_ ? closed_slope(at.point(q)) : open_slope(at, q);
+    Workspace ws(*open_);
+    out.M = out.along.transpose() * mass_matrix(*open_, ws, q) * out.along;
+    return out;
+  }
+
+  Slope open_slope(const OperatingState& at, const double* q) {
     std::vector<int> moved;
     for (int v = 0; v < m_.nv; ++v)
       if (moves_[static_cast<std::size_t>(v)]) moved.push_back(v);
     const auto k = static_cast<Eigen::Index>(moved.size());
-    Slope out{MatrixXd::Zero(m_.nv, k), {}, {}, {}};
+    Slope out{MatrixXd::Zero(m_.nv, k), {}, {}, {}, {}};
     std::vector<operators::Direction> along(moved.size());
     for (Eigen::Index j = 0; j < k; ++j) {
       out.along(moved[static_cast<std::size_t>(j)], j) = 1.0;
@@ -250,7 +266,7 @@ class Search {
     if (N.cols() == 0)
       refuse(Code::unsupported, {"equilibrium.move"}, "components that closed loops let move while all others stand",
              "some that they tie to others", "name more of those of the loops");
-    Slope out{X * N, MatrixXd::Zero(m_.nv, N.cols()), {}, {}};
+    Slope out{X * N, MatrixXd::Zero(m_.nv, N.cols()), {}, {}, {}};
     for (Eigen::Index i = 0; i < N.rows(); ++i) out.rates.row(found.independent[static_cast<std::size_t>(i)]) = N.row(i);
     out.J = out.rates.transpose() * found.q * N;
     return out;

@@ -105,6 +105,30 @@ TEST(Equilibrium, ThatThereIsNoneIsTold) {
   EXPECT_EQ(driven.residual, 0.25);
 }
 
+/// A stiff arm carries a pendulum: one that is pushed by more than its weight can hold leaves what is no rounding beside the stiffness of
+/// the arm, and one that stands upright falls.
+TEST(Equilibrium, IsToldOfWhatIsSoftBesideWhatIsStiff) {
+  SystemSpec spec =
+      system({on(rigid("arm", 1.0, {0.5, 0, 0}, diagonal({0.1, 0.1, 0.1})), "", "revolute", {{0, 1, 0}}),
+              on(rigid("bob", 2.0, {0, 0, -kLength}, diagonal({1e-3, 1e-3, 1e-3})), "arm", "revolute", {{0, 1, 0}}, {1, 0, 0})},
+             uniform_gravity({0, 0, -kWeight}));
+  spec.bodies[0].hinge.springs = {{.stiffness = 1e12}};
+  Simulation sim(compiled(spec), {});
+  sim.set_force(1, 1.01 * 2.0 * kWeight * kLength);
+  const Equilibrium found = find_equilibrium(sim, {.move = {0, 1}});
+  EXPECT_FALSE(found.reached) << found.message;
+  sim.set_force(1, 0.5 * 2.0 * kWeight * kLength);
+  const Equilibrium held = find_equilibrium(sim, {.move = {0, 1}});
+  EXPECT_TRUE(held.reached) << held.message;
+  EXPECT_NEAR(std::abs(std::sin(held.q[1])), 0.5, 1e-9);
+  EXPECT_TRUE(held.statically_stable);
+  spec.bodies[1].hinge.q = {std::numbers::pi};
+  Simulation upright(compiled(spec), {});
+  const Equilibrium falls = find_equilibrium(upright, {.move = {0, 1}});
+  EXPECT_TRUE(falls.reached) << falls.message;
+  EXPECT_FALSE(falls.statically_stable);
+}
+
 TEST(Equilibrium, RefusesWhatCannotMove) {
   Simulation sim(compiled(conical_pendulum(1.0, 0.3)), {});
   const auto refused = [&](std::vector<int> move) {
