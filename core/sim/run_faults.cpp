@@ -276,7 +276,7 @@ void Simulation::expect_good_plugins() {
   const bool whole = unless_thrown([&] {
     told = plugin_at_fault(*model_, state_.q.data(), state_.v.data());
     if (told.empty() && devices_) told = plugin_at_fault(*model_, *devices_);
-    if (told.empty() && gravity_field_ >= 0 && workspace_.has_world()) {
+    if (told.empty() && gravity_field_ >= 0 && workspace_.has_world() && model_->bodies.size() > 1) {
       const Vec3<double> at = workspace_.pose_W(1).p;
       const double point[3] = {at.x, at.y, at.z};
       told = plugin_at_fault(model_->fields[static_cast<std::size_t>(gravity_field_)], *moment_, 1, point);

@@ -55,6 +55,17 @@ TEST(Plugins, InCAsPrintedInTheDocuments) {
   EXPECT_NEAR(Hdf5File::open(dir / "out/run.h5").read_doubles("/channels/hinges/a/angle").values.back(), 3.0, 1e-8);
 }
 
+TEST(Plugins, WithAFieldPullOnWhatDoesNotMove) {
+  const TemporaryFolder dir;
+  fs::copy(kPlugins + "twins.so", dir / "twins.so");
+  std::ofstream(dir / "vehicle.yaml")
+      << "cardan: 1\nfields: {earth: {type: twin/point_mass, mu: 398600 km^3/s^2}}\ngravity: {field: earth}\n"
+         "bodies:\n  mast: {mass: 2, inertia: [1, 1, 1], hinge: {type: locked, to: {body: world, position: [6378 km, 0, 0]}}}\n";
+  std::ofstream(dir / "scenario.lua") << "plugin 'twins.so' vehicle 'vehicle.yaml' mission { duration = 1 }\n";
+  const Finished run = run_program({"run", ".", "--out", "out", "--quiet"}, dir.path());
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
 TEST(Plugins, AGoodOneIsUsed) {
   const PluginFolder dir;
   EXPECT_EQ(run_program({"check-plugin", "p.so"}, dir.path()).exit_code, 0);
