@@ -37,8 +37,8 @@ struct TapeSpring {
   static void evaluate(const Packed& p, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
     using std::exp, std::tanh;
     const T s = (in.at[0].q - T(p.rest)) / T(p.peak_angle), v = in.at[0].v;
-    const T moment = -(T(p.steady) * tanh(s) + T(p.peak) * s * exp(T(0.5) * (T(1.0) - s * s)));
-    out.load[0].tau = moment - T(p.damping) * v;
+    const T moment = -(T(p.steady) * tanh(s) + T(p.peak) * s * exp(T(0.5) * (T(1.0) - s * s))) - T(p.damping) * v;
+    out.load[0].tau = moment;
     out.out[0] = moment;
     out.lost = T(p.damping) * v * v;
   }

@@ -130,12 +130,12 @@ int check(lua_State* L, Scenario& s) {
     m.condition = fmt::format("within {:.6g} ... {:.6g}{}", m.low, m.high, unit);
     if (!(m.low <= m.high)) t.reject("within", "{smallest, largest}");
   }
-  if (const auto x = t.numbers("equal", 1)) {  // {x, tolerance = ...}
-    auto equal = t.table("equal");
-    const double tolerance = equal->number("tolerance").value_or(0.0);
+  if (auto equal = t.table("equal")) {  // {x, tolerance = ...}
+    const double x = equal->first().value_or(0.0), tolerance = equal->number("tolerance").value_or(0.0);
     if (!(tolerance >= 0.0)) equal->reject("tolerance", "a number >= 0");
-    m.low = (*x)[0] - tolerance, m.high = (*x)[0] + tolerance, ++n;
-    m.condition = fmt::format("equal to {:.6g} within {:.3g}{}", (*x)[0], tolerance, unit);
+    equal->finish();
+    m.low = x - tolerance, m.high = x + tolerance, ++n;
+    m.condition = fmt::format("equal to {:.6g} within {:.3g}{}", x, tolerance, unit);
   }
   if (n != 1) t.reject("below", "exactly one of below, above, within, equal");
   d.finish();

@@ -25,8 +25,9 @@ DocNode document(lua_State* L, int index, const SourceMark& mark, int depth = 0)
     node.kind = DocNode::Kind::scalar;
     node.text = type == LUA_TNUMBER ? fmt::format("{}", lua_tonumber(L, index)) : lua_tostring(L, index);
   } else if (type == LUA_TTABLE && depth < kDeepest) {
-    const lua_Integer n = push_keys(L, index);
-    node.kind = lua_rawlen(L, index) > 0 ? DocNode::Kind::list : DocNode::Kind::map;
+    const lua_Integer n = push_keys(L, index), entries = static_cast<lua_Integer>(lua_rawlen(L, index));
+    if (entries > 0 && entries != n) return lua_pop(L, 1), node;  // a list that has names too
+    node.kind = entries > 0 ? DocNode::Kind::list : DocNode::Kind::map;
     for (lua_Integer i = 1; i <= n; ++i) {
       lua_rawgeti(L, -1, i);
       if (node.kind == DocNode::Kind::map)

@@ -46,11 +46,12 @@ operators::IkTarget target_of(lua_State* L, LuaTable& t, const Model& m) {
   if (const auto rows = t.numbers("rows", 0)) {  // of [rotation; position] in target axes
     std::array<bool, 6> picked{};
     for (const double r : *rows) {
-      const int i = static_cast<int>(r) - 1;
-      if (i < 0 || i > 5 || !out.rows[static_cast<std::size_t>(i)])
+      const bool is_one = r >= 1.0 && r <= 6.0 && r == std::floor(r);
+      const std::size_t i = is_one ? static_cast<std::size_t>(r) - 1 : 0;
+      if (!is_one || !out.rows[i])
         t.reject("rows", "rows 1 ... 3 of an attitude and 4 ... 6 of a position that are given");
       else
-        picked[static_cast<std::size_t>(i)] = true;
+        picked[i] = true;
     }
     out.rows = picked;
   }
@@ -262,6 +263,9 @@ int push_inverse_kinematics(lua_State* L, const Model& m, std::uint64_t seed, co
   options.iterations = static_cast<int>(table.integer("iterations").value_or(options.iterations));
   options.starts = static_cast<int>(table.integer("starts").value_or(options.starts));
   options.seed = static_cast<std::uint64_t>(table.integer("seed").value_or(static_cast<std::int64_t>(seed > 0 ? seed : options.seed)));
+  if (!(options.tolerance > 0.0)) table.reject("tolerance", "a positive number");
+  if (options.iterations < 1) table.reject("iterations", "a number of iterations");
+  if (options.starts < 1) table.reject("starts", "a number of starts");
   options.dynamic = table.flag("dynamic").value_or(false);
   for (const std::string& name : table.texts("free").value_or(std::vector<std::string>()))
     for (const int v : components_at(L, m, name, "inverse_kinematics.free")) options.free.push_back(v);

@@ -8,6 +8,22 @@
 #include "core/base/units.hpp"
 
 namespace cardan {
+namespace {
+
+/// Entries, and no keys beside them.
+bool is_array(lua_State* L, int index) {
+  if (!lua_istable(L, index)) return false;
+  luaL_checkstack(L, LUA_MINSTACK, nullptr);
+  lua_Unsigned keys = 0;
+  for (lua_pushnil(L); lua_next(L, index); lua_pop(L, 1)) ++keys;
+  return keys == lua_rawlen(L, index);
+}
+
+std::string describe_list(lua_State* L, int index) {
+  return lua_istable(L, index) && !is_array(L, index) ? "a table with other keys than 1, 2, ..." : describe_value(L, index);
+}
+
+}  // namespace
 
 LuaTable::LuaTable(lua_State* L, int index, std::string path, DiagnosticSink& sink)
     : L_(L), index_(lua_absindex(L, index)), path_(std::move(path)), sink_(&sink) {
@@ -63,12 +79,13 @@ std::optional<double> LuaTable::number(const std::string& key, std::string_view 
 
 std::optional<std::vector<double>> LuaTable::numbers(const std::string& key, std::size_t n, std::string_view unit) {
   const int type = get(key), array = lua_gettop(L_);
-  const std::size_t size = type == LUA_TTABLE ? lua_rawlen(L_, array) : 0;
+  const bool is_one = is_array(L_, array);
+  const std::size_t size = is_one ? lua_rawlen(L_, array) : 0;
   std::optional<std::vector<double>> all;
-  if (type != LUA_TNIL && (type != LUA_TTABLE || (n > 0 && size != n))) {
+  if (type != LUA_TNIL && (!is_one || (n > 0 && size != n))) {
     report(path_of(key), n > 0 ? fmt::format("an array of {} numbers", n) : "an array of numbers",
-           type == LUA_TTABLE ? fmt::format("{} entries", size) : describe_value(L_, array));
-  } else if (type == LUA_TTABLE) {
+           is_one ? fmt::format("{} entries", size) : describe_list(L_, array));
+  } else if (is_one) {
     all.emplace();
     for (std::size_t i = 1; i <= size && all; ++i) {
       lua_rawgeti(L_, array, static_cast<lua_Integer>(i));
@@ -82,6 +99,15 @@ std::optional<std::vector<double>> LuaTable::numbers(const std::string& key, std
   }
   lua_settop(L_, array - 1);
   return all;
+}
+
+std::optional<double> LuaTable::first() {
+  first_ = true;
+  luaL_checkstack(L_, LUA_MINSTACK, nullptr);
+  lua_rawgeti(L_, index_, 1);
+  const std::optional<double> x = quantity(path_ + "[1]", "1");
+  lua_pop(L_, 1);
+  return x;
 }
 
 std::optional<std::int64_t> LuaTable::integer(const std::string& key) {
@@ -114,7 +140,7 @@ std::optional<std::string> LuaTable::text(const std::string& key) {
 std::optional<std::vector<std::string>> LuaTable::texts(const std::string& key) {
   const int type = get(key), array = lua_gettop(L_);
   std::optional<std::vector<std::string>> all;
-  if (type == LUA_TTABLE) all.emplace();
+  if (is_array(L_, array)) all.emplace();
   for (lua_Integer i = 1; all && i <= static_cast<lua_Integer>(lua_rawlen(L_, array)); ++i) {
     if (lua_rawgeti(L_, array, i) == LUA_TSTRING)
       all->emplace_back(lua_tostring(L_, -1));
@@ -122,7 +148,7 @@ std::optional<std::vector<std::string>> LuaTable::texts(const std::string& key) 
       all.reset();
     lua_pop(L_, 1);
   }
-  if (type != LUA_TNIL && !all) report(path_of(key), "an array of strings", describe_value(L_, array));
+  if (type != LUA_TNIL && !all) report(path_of(key), "an array of strings", describe_list(L_, array));
   lua_settop(L_, array - 1);
   return all;
 }
@@ -164,8 +190,8 @@ std::optional<LuaTable> LuaTable::table(const std::string& key) {
 std::vector<LuaTable> LuaTable::tables(const std::string& key) {
   std::vector<LuaTable> all;
   const int type = get(key), array = lua_gettop(L_);
-  if (type != LUA_TTABLE) {
-    if (type != LUA_TNIL) report(path_of(key), "an array of tables", describe_value(L_, -1));
+  if (!is_array(L_, array)) {
+    if (type != LUA_TNIL) report(path_of(key), "an array of tables", describe_list(L_, array));
     lua_pop(L_, 1);
     return all;
   }
@@ -194,6 +220,7 @@ void LuaTable::finish() {
   luaL_checkstack(L_, LUA_MINSTACK, nullptr);
   for (lua_pushnil(L_); lua_next(L_, index_); lua_pop(L_, 1)) {
     const bool is_text = lua_type(L_, -2) == LUA_TSTRING;
+    if (first_ && lua_isinteger(L_, -2) && lua_tointeger(L_, -2) == 1) continue;
     const std::string key = is_text ? lua_tostring(L_, -2) : describe_value(L_, -2);
     if (!is_text || std::find(known_.begin(), known_.end(), key) == known_.end()) unknown.push_back(key);
   }

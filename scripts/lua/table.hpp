@@ -25,6 +25,8 @@ class LuaTable {
   std::optional<double> number(const std::string& key, std::string_view unit = "1");
   /// The same in an array of n entries (any number if n = 0).
   std::optional<std::vector<double>> numbers(const std::string& key, std::size_t n, std::string_view unit = "1");
+  /// The first entry, before keys that have names: {x, tolerance = ...}.
+  std::optional<double> first();
   std::optional<std::int64_t> integer(const std::string& key);
   std::optional<std::string> text(const std::string& key);
   std::optional<std::vector<std::string>> texts(const std::string& key);
@@ -56,6 +58,7 @@ class LuaTable {
   std::string path_;
   DiagnosticSink* sink_;
   std::vector<std::string> known_;
+  bool first_ = false;  // it is known
 };
 
 }  // namespace cardan

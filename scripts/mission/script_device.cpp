@@ -45,6 +45,8 @@ void three(lua_State* L, const char* name, double* out, const Located& at) {
   lua_pop(L, 1);
 }
 
+const std::vector<std::string> kOfLoad{"force", "moment"};
+
 /// Marks that a device without `evaluate` holds as its outputs, then what it remembers.
 std::size_t held_outputs(const ScriptDevice::Description& d) { return d.in_step ? 0 : d.outputs.size(); }
 
@@ -246,6 +248,7 @@ int ScriptDevice::evaluate(const cardan_device_args* a, cardan_device_out* out) 
         if (!lua_istable(L, -1))
           refuse(Code::lua_runtime, at_, fmt::format("{} = {{force = {{x, y, z}}, moment = {{x, y, z}}}}", m.name), describe_value(L, -1));
         three(L, "force", out->load[i].force, at_), three(L, "moment", out->load[i].moment, at_);
+        expect_names(L, kOfLoad);
       }
       lua_pop(L, 1);
     }

@@ -1,6 +1,7 @@
 #include "scripts/report/figure.hpp"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <array>
@@ -108,9 +109,9 @@ std::string panel(const std::vector<double>& t, const Axis& x, double top, const
     for (std::size_t row = 0; row < t.size(); ++row)
       if (const double y = line.values[row]; is_drawn(y)) low = std::min(low, y), high = std::max(high, y);
   if (low > high) low = high = 0.0;
-  std::string units;
+  std::vector<std::string> units;
   for (const Line& line : lines)
-    if (units.find(line.unit) == std::string::npos) units += (units.empty() ? "" : ", ") + line.unit;
+    if (std::ranges::find(units, line.unit) == units.end()) units.push_back(line.unit);
   const double room = high > low ? 0.05 * (high - low) : high != 0.0 ? 0.0 : 1.0;
   const Axis y(low - room, high + room, 5);
   const double right = kWidth - kRight, bottom = top + kPanel;
@@ -139,7 +140,7 @@ std::string panel(const std::vector<double>& t, const Axis& x, double top, const
   });
   out += fmt::format(R"x(<text x="16" y="{0}" text-anchor="middle" transform="rotate(-90 16 {0})">{1}</text>)x"
                      "\n",
-                     top + kPanel / 2, xml_text(units));
+                     top + kPanel / 2, xml_text(fmt::format("{}", fmt::join(units, ", "))));
   if (is_last)
     out += fmt::format(R"(<text x="{}" y="{}" text-anchor="middle">t [s]</text>)"
                        "\n",

@@ -1,4 +1,5 @@
 // Tables between scripts and C++: strict reading of arguments, records of numbers, calls of script functions.
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <array>
@@ -128,6 +129,20 @@ TEST(LuaTable, CollectsAllFaults) {
         "at: run.m\n  expected: a value: this key is required\n  got:      nothing"})
     EXPECT_NE(faults.find(expected), std::string::npos) << expected << "\n" << faults;
   EXPECT_NE(faults.find("error[C0107]: wrong unit"), std::string::npos) << faults;
+}
+
+TEST(LuaTable, TakesNoArrayWithOtherKeys) {
+  const std::string faults = faults_of(
+      "run{a = {1, 2, z = 3}, b = {'x', [3] = 'y'}, c = {{}, d = {}}, e = {1, 2}, f = {'x', 'y'}, g = {{}, {}}, h = {}}", [](LuaTable& t) {
+        for (const char* key : {"a", "e", "h"}) t.numbers(key, 0);
+        for (const char* key : {"b", "f", "h"}) t.texts(key);
+        for (const char* key : {"c", "g", "h"}) t.tables(key);
+      });
+  for (const char* expected :
+       {"run.a\n  expected: an array of numbers", "run.b\n  expected: an array of strings", "run.c\n  expected: an array of tables"})
+    EXPECT_NE(faults.find(fmt::format("at: {}\n  got:      a table with other keys than 1, 2, ...\n", expected)), std::string::npos)
+        << faults;
+  for (const char* fine : {"run.e", "run.f", "run.g", "run.h"}) EXPECT_EQ(faults.find(fine), std::string::npos) << faults;
 }
 
 TEST(LuaTable, NeedsATable) {

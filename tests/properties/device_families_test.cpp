@@ -162,6 +162,20 @@ TEST(TapeSpring, SnapsStraightWithTheEnergyItHeld) {
                                  << sim.ledger().linear_relative << " of " << sim.ledger().linear_limit;
 }
 
+/// Its port has all of what is on the hinge: the arm answers with that over its inertia.
+TEST(TapeSpring, TellsItsDampingInItsMoment) {
+  const double J = 0.5, q = -0.07, v = 1.3, damping = 0.8, s = q / 0.05, steady = 0.3, peak = 4.0;
+  BodySpec arm = hinged(J);
+  arm.hinge.q = {q}, arm.hinge.v = {v};
+  SystemSpec spec = system({arm});
+  spec.devices = {device("blade", "tape_spring",
+                         {{"peak_moment", peak}, {"peak_angle", 0.05}, {"steady_moment", steady}, {"damping", damping}}, {{"at", "arm"}})};
+  Simulation sim(compiled(spec), {});
+  const double held = steady * std::tanh(s) + (peak - steady * std::tanh(1.0)) * s * std::exp(0.5 * (1.0 - s * s));
+  EXPECT_NEAR(sim.vdot()[0], -(held + damping * v) / J, 1e-13);
+  EXPECT_NEAR(sim.device_output(0), -(held + damping * v), 1e-14);
+}
+
 /// It lets what is too fast pass, and holds what is slow enough: then it swings about the place at sqrt(k / J).
 TEST(Latch, CatchesWhatIsSlowEnough) {
   const double J = 0.4, k = 90.0, place = 0.5;

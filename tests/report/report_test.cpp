@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -153,6 +154,16 @@ TEST(Figure, LeavesGapsWhereNothingCanBeDrawn) {
   EXPECT_GT(pieces[0][1] - pieces[0][3], 0.0) << "up is less y";
   // A tenth of a point, to which numbers are rounded, twice.
   EXPECT_NEAR(pieces[1][1] - pieces[1][3], 2 * (pieces[0][1] - pieces[0][3]), 0.3);
+}
+
+TEST(Figure, TellsEachUnitOfAPanel) {
+  const std::string h5 = scratch("units.h5"), svg = scratch("units.svg");
+  const auto recorder = make_hdf5_recorder(h5);
+  recorder->begin({}, {{"x", {"rate", "place", "more", "share"}, "m/s m m 1", "", "some numbers"}});
+  for (const double t : {0.0, 1.0}) recorder->row(t, std::array{t, t, t, t});
+  recorder->close();
+  write_figure(h5, svg, {"x"});
+  EXPECT_NE(content(svg).find(">m/s, m, 1</text>"), std::string::npos) << content(svg);
 }
 
 TEST(Figure, IsFlatWhereNothingMovesAndKeepsPeaksOfLongRuns) {

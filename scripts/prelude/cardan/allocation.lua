@@ -1,7 +1,7 @@
 --- Sharing a body torque among actuators with fixed axes.
 local allocation = {}
 
---- `axes`: one unit vector for each actuator, body axes, not all in one plane. Returns a function that takes a body torque
+--- `axes`: a vector for each actuator, the torque of a command of 1, body axes; not all in one plane. Returns a function that takes a body torque
 --- {x, y, z} to the commands of the actuators with the least sum of squares: u = A' (A A')^-1 torque.
 ---@param axes number[][]
 ---@return fun(torque: number[]): number[] share
@@ -17,7 +17,7 @@ function allocation.least_norm(axes)
     return m[r[1]][c[1]] * m[r[2]][c[2]] - m[r[1]][c[2]] * m[r[2]][c[1]]
   end
   local det = m[1][1] * minor(1, 1) + m[1][2] * minor(1, 2) + m[1][3] * minor(1, 3)
-  if math.abs(det) < 1e-12 then error("allocation.least_norm: the axes lie in one plane", 2) end
+  if not (det > 1e-12 * ((m[1][1] + m[2][2] + m[3][3]) / 3) ^ 3) then error("allocation.least_norm: the axes lie in one plane", 2) end
   local shares = {}
   for k, a in ipairs(axes) do
     shares[k] = {}

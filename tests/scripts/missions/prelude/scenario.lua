@@ -29,6 +29,8 @@ local torque, sum = { 1, -2, 3 }, { 0, 0, 0 }
 local shares = allocation.least_norm(axes)(torque)
 for i, u in ipairs(shares) do sum = vec.add(sum, vec.scale(u, axes[i])) end
 near("shares add up to the torque", sum, torque)
+local small = { { 1e-5 * c, 1e-5 * c, 0 }, { 0, 2e-5, 0 }, { 0, 0, 1e-5 } }
+near("small actuators give more", vec.scale(1e-5, allocation.least_norm(small)(torque)), { 1 / c, -1.5, 3 })
 near("shares do not fight each other", { shares[1] - shares[2] + shares[3] - shares[4] }, { 0 })
 -- K and sn, cn, dn by mpmath 1.3 in 30 digits; near m = 1 the complement says what 1 - m is
 near("elliptic integral", { elliptic.K(0), elliptic.K(0.5), elliptic.K(1, 1e-10) / 10 }, { math.pi / 2, 1.8540746773013719, 1.28992198263876 })
