@@ -112,7 +112,8 @@ void Simulation::take_in() {
   history_.leave_model();
   ledger();  // up to here
   const Sums were = in_run ? sums() : Sums{};
-  const std::vector<double> roots_were = in_run ? roots_of_devices() : std::vector<double>();
+  const std::size_t remembered = in_run ? remember_roots() : passing_.size();
+  const std::vector<double> roots_were(passing_.begin() + static_cast<std::ptrdiff_t>(remembered), passing_.end());
   const std::shared_ptr<const Model> before = model_;
   const auto make = std::exchange(next_model_, nullptr);
   Rejoined next = make();
@@ -188,7 +189,8 @@ void Simulation::take_in() {
       changed();
     }
   }
-  pass_roots(roots);
+  passing_.resize(remembered), passing_.insert(passing_.end(), roots.begin(), roots.end());
+  pass_roots(remembered);
   for (std::size_t i = 0; i < map.body.size(); ++i) {
     const UserBody& u = before->user[i];
     if (u.n_modes == 0) continue;

@@ -203,26 +203,36 @@ void Simulation::device_roots(double t, const double* x, double* g) {
   if (m.devices.n_edges > 0) on_trial_->edges(g + m.devices.n_roots + m.devices.holds.size());
 }
 
-/// At the present state.
-std::vector<double> Simulation::roots_of_devices() {
-  std::vector<double> g, x;
-  if (!on_trial_) return g;
-  g.resize(static_cast<std::size_t>(n_roots()) - events_.size() - limits_.size());
-  x.resize(x_given_.size());
-  pack(x.data());
+/// Those at the present state go behind what `passing_` has; where they begin there.
+std::size_t Simulation::remember_roots() {
+  const std::size_t from = passing_.size();
+  if (!on_trial_) return from;
   observe();  // what inputs are given
-  if (!unless_thrown([&] { device_roots(state_.t, x.data(), g.data()); })) fail(explain({}));
-  g.resize(static_cast<std::size_t>(model_->devices.n_roots));
-  return g;
+  passing_.resize(from + static_cast<std::size_t>(n_roots()) - events_.size() - limits_.size());
+  hold_x_.resize(x_given_.size());
+  pack(hold_x_.data());
+  if (!unless_thrown([&] { device_roots(state_.t, hold_x_.data(), passing_.data() + from); })) fail(explain({}));
+  passing_.resize(from + static_cast<std::size_t>(model_->devices.n_roots));
+  return from;
 }
 
-/// What a jump of the state has carried across zero happens; `before`: roots before it, 0 of those that do not count.
-void Simulation::pass_roots(std::span<const double> before) {
-  const std::vector<double> now = roots_of_devices();
-  std::vector<int> crossed(now.size() + model_->devices.holds.size(), 0);
-  for (std::size_t i = 0; i < now.size(); ++i)
-    if (before[i] < 0.0 ? now[i] > 0.0 : before[i] > 0.0 && now[i] < 0.0) crossed[i] = now[i] > 0.0 ? 1 : -1;
-  if (std::ranges::any_of(crossed, [](int side) { return side != 0; })) device_events(crossed);
+/// What a jump of the state has carried across zero happens; `before`: where roots before it are remembered, 0 of those that do not count.
+void Simulation::pass_roots(std::size_t before) {
+  if (!on_trial_) return;
+  const std::size_t now = remember_roots();
+  bool any = false;
+  for (std::size_t i = 0; i < model_->devices.all.size(); ++i) {
+    const Device& d = model_->devices.all[i];
+    for (std::uint32_t root = 0; root < d.family->n_roots; ++root) {
+      const std::size_t at = static_cast<std::size_t>(d.root) + root;
+      const double was = passing_[before + at], is = passing_[now + at];
+      if (!(was < 0.0 ? is > 0.0 : was > 0.0 && is < 0.0)) continue;
+      device_happens(static_cast<int>(i), root, is > 0.0 ? 1 : -1);
+      any = true;
+    }
+  }
+  passing_.resize(before);
+  if (any) settle_holds();
 }
 
 /// `but`: devices that have started before.
@@ -237,6 +247,15 @@ void Simulation::start_devices(std::span<const int> but) {
   settle_holds();
 }
 
+/// What a device does where one of its roots crossed zero.
+void Simulation::device_happens(int device, std::uint32_t root, int side) {
+  observe();
+  if (model_->devices.all[static_cast<std::size_t>(device)].family->impulse) ask_for_impulse(device, root, side);
+  device_event(device, root, side);
+  changed();
+  strike();
+}
+
 /// What devices do where one of their roots crossed zero; true if any did.
 bool Simulation::device_events(std::span<const int> crossed) {
   bool any = false;
@@ -245,12 +264,8 @@ bool Simulation::device_events(std::span<const int> crossed) {
     for (std::uint32_t root = 0; root < d.family->n_roots; ++root) {
       const int side = crossed[static_cast<std::size_t>(d.root) + root];
       if (side == 0) continue;
-      observe();
-      if (d.family->impulse) ask_for_impulse(static_cast<int>(i), root, side);
-      device_event(static_cast<int>(i), root, side);
+      device_happens(static_cast<int>(i), root, side);
       any = true;
-      changed();
-      strike();
     }
   }
   if (hold_events(crossed)) any = true;

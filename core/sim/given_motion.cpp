@@ -37,7 +37,7 @@ void Simulation::prescribe(int v_index, MotionProfile profile) {
   p->profile = std::move(profile);
   p->given = true;
   if (begun_) {
-    const std::vector<double> roots = roots_of_devices();
+    const std::size_t roots = remember_roots();
     start_given_motion();
     changed();
     pass_roots(roots);
@@ -174,8 +174,8 @@ void Simulation::start_closed() {
   const bool struck = std::exchange(struck_by_loops_, false);
   Momentum p_before;
   Energy e_before;
-  std::vector<double> roots;
-  if (struck) ledger(), p_before = momentum(), e_before = energy(), roots = roots_of_devices();
+  std::size_t roots = 0;
+  if (struck) ledger(), p_before = momentum(), e_before = energy(), roots = remember_roots();
   Eigen::Map<Eigen::VectorXd> as_given(x_.data(), model_->nq);  // packed anew after this
   as_given = state_.q;
   if (!close_loops(state_.t, state_.q.data(), state_.v.data())) fail(explain({}));

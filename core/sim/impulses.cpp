@@ -87,7 +87,7 @@ void Simulation::jump(const std::string& by) {
   ledger();  // up to here
   const Momentum p_before = momentum();
   const Energy e_before = energy();
-  const std::vector<double> roots = roots_of_devices();
+  const std::size_t roots = remember_roots();
   Balances::Integrals given = Balances::Integrals::Zero();
   const auto add_half_of_work = [&](const Observer& o) {
     for (const NodeWrench& w : blows) {

@@ -283,8 +283,9 @@ class Simulation {
   void pack(double* x) const;
   void unpack(const double* x);
   void device_roots(double t, const double* x, double* g);
-  std::vector<double> roots_of_devices();
-  void pass_roots(std::span<const double> before);
+  std::size_t remember_roots();
+  void pass_roots(std::size_t before);
+  void device_happens(int device, std::uint32_t root, int side);
   void start_devices(std::span<const int> but = {});
   Inputs hold_inputs(double t, const double* x);
   bool look_at_holds(double t, const double* x);
@@ -503,9 +504,10 @@ class Simulation {
     int n = 0;
     void add(double t, double pivot, const std::vector<double>& x);
   } trail_;
-  std::vector<double> hold_tau_, hold_vdot_, hold_x_;         // scratch
-  std::vector<LoopDrive> hold_drives_;                        // likewise
-  std::vector<double> x_given_;                               // a state of the integrator with the given motions put in
+  std::vector<double> hold_tau_, hold_vdot_, hold_x_;  // scratch
+  std::vector<double> passing_;                        // roots of devices before the jumps that are under way, those of the innermost last
+  std::vector<LoopDrive> hold_drives_;                 // likewise
+  std::vector<double> x_given_;                        // a state of the integrator with the given motions put in
   double stretch_ = std::numeric_limits<double>::infinity();  // [s] during a step: a time on its stretch between two corners
   std::vector<NodeWrench> wrenches_;
   Eigen::VectorXd vdot_;
