@@ -182,6 +182,15 @@ Warnings idle_keys(const Model& model) {
       if (model.spec->devices[static_cast<std::size_t>(d.spec)].params.contains(key))
         found.add(Code::no_effect, model.spec->locate(fmt::format("devices.{}.{}", d.name, key)),
                   fmt::format("`{}` does not apply to {} as its other keys choose it", key, d.name));
+  for (std::size_t i = 0; i < model.spec->fields.size(); ++i) {
+    const FieldSpec& given = model.spec->fields[i];
+    const cardan_field_family& f = *model.fields[i].source->family;
+    for (const std::string& key : keys_not_read(*model.spec, {"fields." + given.name, f.type, given.params},
+                                                {{f.params, f.n_params}, f.params_size, f.pack, f.packed_size}))
+      if (given.params.contains(key))
+        found.add(Code::no_effect, model.spec->locate(fmt::format("fields.{}.{}", given.name, key)),
+                  fmt::format("`{}` does not apply to {} as its other keys choose it", key, given.name));
+  }
   return found;
 }
 

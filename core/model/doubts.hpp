@@ -13,7 +13,7 @@ Warnings held_back(const SystemSpec& spec, const std::vector<std::string>& but =
 Warnings idle_at_hinges(const Model& model, const std::vector<std::string>& but = {});
 
 /// Keys of the schema of a device that do not apply as its other keys choose it, as the length of a sphere; and those of them that are
-/// given.
+/// given, of fields too.
 std::vector<std::string> keys_not_read(const Model& model, const Device& device);
 Warnings idle_keys(const Model& model);
 

@@ -181,6 +181,7 @@ class RungeKutta final : public Integrator {
     if (!started_ || t != t1_) h_ = options_.initial_step;  // else the last step size is a good first guess
     started_ = true;
     slope_known_ = false;
+    tries_ = kTries;
     if (problem_.n_quadrature > 0) {
       integrals(t1_, z1_.data() + n_, all_error_.data());
       nodes_.begin_stretch_at(z1_.data() + n_, all_error_.data());
@@ -202,6 +203,7 @@ class RungeKutta final : public Integrator {
         do report.limit = adaptive_step(t_stop);
         while (problem_.n_roots > 0 && !find_event(report));
         statistics_.error_sum += error_;
+        tries_ = 0;
         report.stiff = stiff();
       } else {
         fixed_step(t_stop);
@@ -252,6 +254,7 @@ class RungeKutta final : public Integrator {
   std::string_view name() const override { return Method::name; }
 
  private:
+  static constexpr int kTries = 8;         // of the first step after a start
   static constexpr int kSampled = 8;       // steps of rk4 to each that is estimated
   static constexpr int kStiffness = 1000;  // steps to each whose stability is looked at
   static constexpr int kLast = Method::rows - 1, kError = Method::stages;
@@ -513,8 +516,9 @@ class RungeKutta final : public Integrator {
     return size < 1e-5 || rate < 1e-5 || !(h > 0.0 && std::isfinite(h)) ? 1e-6 : h;  // squares of tiny tolerances overflow
   }
 
-  /// The state at a trial time is that of a step which ends there: as accurate as any other step. false: it is not, as where it meets what
-  /// the whole step went past; h_ is shorter now.
+  /// The state at a trial time is that of a step which ends there: as accurate as any other step. false: the length of the first step after
+  /// a start is none of what acts now, the stages of all of it may have gone past something as short as a contact, and the step to the
+  /// event, which meets it, is not accurate; h_ is shorter now.
   bool find_event(StepReport& report) {
     const double whole = t1_;
     const auto state_at = [this](double t) {
@@ -538,9 +542,10 @@ class RungeKutta final : public Integrator {
     }
     state_at(t);
     if constexpr (Method::adaptive) {
-      if (t == whole) return true;
+      if (t == whole || tries_ == 0) return true;
       error_ = error_norm(t1_ - t0_);
-      if (!(error_ > 1.0) || t1_ - t0_ < 64.0 * std::numeric_limits<double>::epsilon() * std::abs(t0_)) return true;
+      if (!(error_ > 1.0)) return true;
+      --tries_;
       count_rejection(statistics_.rejected, problem_, largest_of(share_.data(), n_));
       h_ = std::max(0.2, change_by(error_)) * (t1_ - t0_);
       events_.take_back();
@@ -560,6 +565,7 @@ class RungeKutta final : public Integrator {
   double t0_ = 0.0, t1_ = 0.0;  // [s] of the last step
   double h_ = 0.0;              // [s] adaptive: the next step to try
   double error_ = 0.0;          // adaptive: of the last step, over what is allowed
+  int tries_ = 0;               // that are left
   bool started_ = false, slope_known_ = false;
   int at_the_limit_ = 0, inside_ = 0;             // steps: of stability; since then not
   Eigen::ArrayXd z0_, z1_, work_, inner_, zero_;  // states and integrals: step begin, step end, trial, scratch; zeros

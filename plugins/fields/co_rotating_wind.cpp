@@ -27,11 +27,14 @@ struct CoRotatingWind {
       Ellipsoid::flattening_desc};
 
   static bool pack(const Params& params, Packed& p) {
-    p.planet.pack(params);
     const Eigen::Vector3d w = params.number("rate") * params.vector("axis");
     for (int i = 0; i < 3; ++i) p.omega[i] = w[i];
     p.east = params.number("east"), p.north = params.number("north");
     p.east_shear = params.number("east_shear"), p.north_shear = params.number("north_shear");
+    if (p.east_shear != 0.0 || p.north_shear != 0.0)
+      p.planet.pack(params);
+    else
+      p.planet.place(params);
     p.blows = p.east != 0.0 || p.north != 0.0 || p.east_shear != 0.0 || p.north_shear != 0.0;
     return true;
   }

@@ -185,8 +185,13 @@ struct Ellipsoid {
       param::optional("flattening", CARDAN_NUMBER, "1", "of its ellipsoid: 0 of a sphere, 1/298.257223563 of WGS 84"), 0.0, 0.2);
 
   void pack(const Params& params) {
+    place(params);
+    radius = params.number("radius"), flattening = params.number("flattening");
+  }
+  /// Of which no height is asked.
+  void place(const Params& params) {
     const Eigen::Vector3d c = params.vector("centre"), k = params.vector("axis");
-    *this = {{c[0], c[1], c[2]}, {k[0], k[1], k[2]}, params.number("radius"), params.number("flattening")};
+    *this = {{c[0], c[1], c[2]}, {k[0], k[1], k[2]}, 0.0, 0.0};
   }
 
   /// Above the ellipsoid, along its normal [m].

@@ -264,6 +264,9 @@ devices:
 
 TEST_F(Physics, AKeyOfAShapeThatIsNotChosenIsTold) {
   write(R"(cardan: 1
+fields:
+  wind: {type: co_rotating_wind, east: 5, radius: 6371 km}
+  aloft: {type: co_rotating_wind, east_shear: 1e-3, radius: 6371 km}
 bodies:
   ball: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world, initial: {position: [0, 0, 2]}}}
 devices:
@@ -271,7 +274,8 @@ devices:
 )");
   const std::string told = check().err;
   EXPECT_TRUE(has(told, "warning[W0303]") && has(told, "`from_length` does not apply to paw as its other keys choose it")) << told;
-  EXPECT_EQ(told.find("warning["), told.rfind("warning[")) << told;
+  EXPECT_TRUE(has(told, "at: fields.wind.radius") && has(told, "`radius` does not apply to wind")) << told;
+  EXPECT_FALSE(has(told, "aloft")) << told;
 }
 
 // ---- what cannot go on ----
