@@ -351,7 +351,8 @@ Expression Expression::inv() const {
   if (formula_->rows != formula_->cols)
     fail(Code::no_inverse, "inverse of " + text(), "a square operator", shape(),
          "only products of square operators and the mass matrix have an inverse");
-  if (tree_->is_weighted() && same(formula_, mass_of()))
+  const bool scaled = formula_->form == Form::sum && formula_->parts.size() == 1;  // which has an inverse by the same rule
+  if (tree_->is_weighted() && same(scaled ? formula_->parts[0] : formula_, mass_of()))
     fail(Code::no_inverse, "inverse of " + text(), "articulate() without W", "D = H P H* + W",
          "with it, ((I + H phi K) D (I + H phi K)*):inv() is the inverse of mass + W");
   if (const auto f = inverse_of(formula_)) return {tree_, *f};

@@ -155,6 +155,10 @@ TEST(Expressions, RefuseWhatDoesNotFit) {
   EXPECT_WORDS(refusal([&] { leaf(Kind::phi).eigenvalues(1); }), "symmetric");
   EXPECT_WORDS(refusal([&] { leaf(Kind::phi) + Expression::leaf(at_initial_state(tree), Kind::phi); }), "two models");
   EXPECT_WORDS(refusal([&] { Expression::nodes(ops, {9999}); }), "C0202");
+  const VectorXd W = VectorXd::Ones(ops->size(Space::hinge));
+  ops->articulate({.W = W.data()});
+  const Expression inertia = leaf(Kind::H) * leaf(Kind::phi) * leaf(Kind::M) * leaf(Kind::phi).star() * leaf(Kind::H).star();
+  for (const Expression& of_mass : {inertia, -1.0 * inertia, 2.0 * inertia}) EXPECT_WORDS(refusal([&] { of_mass.inv(); }), "without W");
 }
 
 TEST(Operators, AStageThatIsMissingIsNamed) {
