@@ -552,16 +552,14 @@ static inline void gather_needed(const EmbeddedLoop& c, double* T) {
     norm = std::sqrt(norm);
     const double alpha = row[i] > 0.0 ? -norm : norm, first = row[i] - alpha;
     const double factor = 1.0 / (norm * (norm + std::abs(row[i])));  // 2 / v* v
-    double v[64];
-    if (n > 64) return;
-    v[i] = first;
-    for (int j = i + 1; j < n; ++j) v[j] = row[j];
+    row[i] = first;                                                  // v
     for (int r = 0; r < c.inputs; ++r) {
       double* t = T + r * stride;
+      if (t == row) continue;
       double sum = 0.0;
-      for (int j = i; j < n; ++j) sum += v[j] * t[j];
+      for (int j = i; j < n; ++j) sum += row[j] * t[j];
       sum *= factor;
-      for (int j = i; j < n; ++j) t[j] -= sum * v[j];
+      for (int j = i; j < n; ++j) t[j] -= sum * row[j];
     }
     row[i] = alpha;
     for (int j = i + 1; j < n; ++j) row[j] = 0.0;

@@ -256,6 +256,58 @@ TEST(Loops, MayEndOnAWheel) {
   EXPECT_EQ(compiled(open)->rotors.size(), 1U);
 }
 
+/// Two chains of `links` on a bus that turns on the ground, heavy and light, whose tips meet; the light one is held to the ground too, by
+/// the last link but one. Its rates are the better pivots of the first loop, which hands on how they move.
+SystemSpec tied_chains(int links) {
+  std::mt19937_64 random(first_seed());
+  std::uniform_real_distribution<double> number(-1.0, 1.0);
+  const auto vector = [&] { return Eigen::Vector3d(number(random), number(random), number(random)); };
+  SystemSpec spec = system({on(rigid("bus", 5.0, {0, 0, 0}, diagonal({1, 2, 2.5})), "", "revolute", {vector().normalized()})},
+                           uniform_gravity({0.5, -0.3, -9.81}));
+  std::vector<Eigen::Vector3d> tips;
+  LoopSpec meet, hold;
+  meet.name = "meet", meet.type = "point", meet.from.body = "heavy", meet.to.body = "light";
+  hold.name = "hold", hold.type = "point", hold.from.body = "light";
+  for (const auto& [name, mass] : {std::pair("heavy", 100.0), std::pair("light", 0.1)}) {
+    std::string inboard = "bus";
+    Eigen::Vector3d at = Eigen::Vector3d::Zero();
+    for (int i = 0; i < links; ++i) {
+      const std::string link = i + 1 == links ? name : name + std::to_string(i);
+      const Eigen::Vector3d to = vector();
+      spec.bodies.push_back(on(rigid(link, mass, 0.2 * vector(), diagonal({0.3 * mass, 0.2 * mass, 0.25 * mass})), inboard, "revolute",
+                               {vector().normalized()}, to));
+      inboard = link, at += to;
+      if (i + 2 == links) hold.from.body = link, hold.to.position = at;
+    }
+    tips.push_back(at);
+  }
+  meet.to.position = tips[0] - tips[1];
+  spec.loops = {meet, hold};
+  return spec;
+}
+
+TEST(Loops, OfManyFreeRatesHandOnWhatLaterOnesNeed) {
+  for (const int links : {6, 30, 40}) {
+    SystemSpec spec = tied_chains(links);
+    const auto model = compiled(spec), by_rates = embedded_by(*model, {1, 1});
+    const EmbeddedLoop& first = by_rates->loops.embedding->loops[0];
+    EXPECT_EQ(first.n, 2 * links - 3);
+    EXPECT_LT(first.keep, first.n);
+    const State at = model->initial_state();
+    const VectorXd tau = VectorXd::LinSpaced(model->nv, -0.5, 1.5);
+    const DenseTwin<Quad> twin(spec);
+    const VectorXd want = twin.at(at.q.cast<Quad>(), at.v.cast<Quad>()).closed(tau.cast<Quad>()).vdot.unaryExpr([](const Quad& x) {
+      return static_cast<double>(x);
+    });
+    Workspace ws(*by_rates);
+    VectorXd vdot(model->nv);
+    ASSERT_TRUE(forward_dynamics(*by_rates, ws, {.q = at.q.data(), .v = at.v.data(), .tau = tau.data()}, vdot.data()));
+    EXPECT_TRUE(ws.loops->unsettled) << "by the program of the start";
+    EXPECT_FALSE(ws.loops->embedding->named[0]);
+    EXPECT_LE(error_of(vdot, want), 1e-11) << links;
+  }
+}
+
 // Three legs of equal length hold a plate as five do: the rows of two are implied, and the program of the start goes on without them.
 TEST(Loops, EmbeddedTakeLoopsOfWhichNoRowCounts) {
   BodySpec plate = on(rigid("plate", 3.0, {0, 0, 0}, diagonal({0.3, 0.4, 0.6})), "", "free");
