@@ -451,6 +451,8 @@ Eigen::VectorXd largest_eigenvalues(const Multiply& multiply, int n, int k) {
 double Expression::norm() const {
   if (std::min(rows(), cols()) == 0) return 0.0;
   if (std::max(rows(), cols()) <= kFormed) return singular_values(dense())[0];
+  const auto any = Eigen::VectorXd::NullaryExpr(cols(), [](Eigen::Index i) { return std::sin(1.0 + static_cast<double>(i)); });
+  if (apply(any).isZero(0.0)) return 0.0;  // Lanczos' method would find no vectors
   const Expression turned = star();
   return std::sqrt(largest_eigenvalues([&](const Eigen::VectorXd& x, Eigen::VectorXd& y) { y = turned.apply(apply(x)); }, cols(), 1)[0]);
 }

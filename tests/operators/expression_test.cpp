@@ -95,6 +95,7 @@ TEST(Expressions, NormsOfManyBodiesWithoutAMatrix) {  // a chain of 400 revolute
   const Expression mass_matrix = named(ops, "mass");
   const VectorXd values = symmetric_eigenvalues(mass_matrix.dense());
   EXPECT_NEAR(mass_matrix.norm() / values[399], 1.0, 1e-9);
+  EXPECT_EQ((mass_matrix - mass_matrix).norm(), 0.0);
   const VectorXd ten = mass_matrix.eigenvalues(10);
   for (int i = 0; i < 10; ++i) EXPECT_NEAR(ten[i] / values[399 - i], 1.0, 1e-9);
 }
