@@ -143,7 +143,7 @@ std::vector<CampaignRun> run_campaign(const Campaign& c) {
       if (error)
         refuse(Code::cannot_write, {{}, {run.folder.string()}}, "a folder for the results of a run", error.message(),
                "--out DIR chooses another");
-      fs::remove(run.folder / kEnding, error);  // of another input; the run itself puts its results in place of those that are there
+      for (const char* old : {kEnding, kSummary}) fs::remove(run.folder / old, error);  // of another input, or cut short
       const ProgramOrder order = order_for(c, run);
       going.push_back({&run, order.limits, std::make_unique<RunningProgram>(order)});
     }

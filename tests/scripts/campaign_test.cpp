@@ -178,6 +178,32 @@ TEST_F(CampaignOf, ARunThatIsRefusedHasNoResultsOfBefore) {
   for (std::size_t i = 0; i < 6; ++i) EXPECT_EQ(all["runs"][i]["verdict"] == "passed", drawn[i].get<double>() > 0.5 * (first + least)) << i;
 }
 
+/// Nor are they where the start of a run cannot be evaluated, which touches no results.
+TEST_F(CampaignOf, ARunThatCannotBeginHasNoEndOfBefore) {
+  use(R"(local p = parameters { push = { 0, uniform = 1 }, early = 0 }
+local rate = p.push < 0 and p.early > 0 and 1e200 or 0.1
+vehicle("vehicle.yaml", { ["bodies.rod.hinge.initial.rate"] = rate })
+mission { duration = 1 }
+controller { name = "c", rate = 10, step = function(t) if p.push < 0 and t > 0.45 then error("pushed") end end })");
+  const auto aborted = [&](const char* why, double until) {
+    int n = 0;
+    const json all = results();
+    for (const json& r : all["runs"]) {
+      if (r["verdict"] != "aborted" && r["verdict"] != "no result") continue;
+      EXPECT_TRUE(has(r["why"], why)) << r;
+      EXPECT_FALSE(why[0] == 'N' && has(r["ended_by"], "pushed")) << r;
+      EXPECT_DOUBLE_EQ(r["simulated_s"], until);
+      ++n;
+    }
+    return n;
+  };
+  campaign({"-n", "6"});
+  const int n = aborted("pushed", 0.5);
+  EXPECT_GT(n, 0);
+  campaign({"-n", "6", "--set", "early=1"});
+  EXPECT_EQ(aborted("N0108", 0.0), n);
+}
+
 /// What is ended from outside is told in the tables, which come all the same, and made again.
 TEST_F(CampaignOf, WhatAnotherKeepsFromRunningIsMadeAgain) {
   fs::create_directories(dir_ / "c/seed_2");
