@@ -1,5 +1,6 @@
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <array>
 #include <utility>
 
@@ -8,7 +9,7 @@
 namespace cardan {
 namespace {
 
-constexpr double kRoundOff = 1e-12;  // [kg, kg m^2] effective masses below are shown as zero
+constexpr double kRoundOff = 1e-12;  // of the mass or largest inertia of the body: effective masses below are shown as zero
 
 std::string listed(const Json& names) { return fmt::format("{}", fmt::join(names.get<std::vector<std::string>>(), ", ")); }
 
@@ -89,11 +90,15 @@ std::string description_text(const Json& d) {
                        body["source"].get<std::string>(), "", "[Hz]", "kind", "effective mass rx ry rz [kg m^2], x y z [kg]");
     int i = 0;
     std::array<double, 6> kept{};
+    std::array<double, 2> none{};  // of inertias, of masses
+    for (std::size_t k = 0; k < 6; ++k) none[k / 3] = std::max(none[k / 3], kRoundOff * body["rigid_mass"][k].get<double>());
     for (const Json& mode : body["audit"]) {
-      for (std::size_t k = 0; k < 6; ++k)
-        if (mode["kept"].get<bool>()) kept[k] += mode["effective_mass"][k].get<double>();
       std::string mass;
-      for (const Json& x : mode["effective_mass"]) mass += fmt::format("{:>9.3g}", x.get<double>() > kRoundOff ? x.get<double>() : 0.0);
+      for (std::size_t k = 0; k < 6; ++k) {
+        const double x = mode["effective_mass"][k].get<double>();
+        if (mode["kept"].get<bool>()) kept[k] += x;
+        mass += fmt::format("{:>9.3g}", x > none[k / 3] ? x : 0.0);
+      }
       out += fmt::format("  {:>4}{:>12.5g}  {:<16}{}  {}{}\n", ++i, mode["frequency_hz"].get<double>(), mode["kind"].get<std::string>(),
                          mass, mode["kept"].get<bool>() ? "yes" : "no",
                          mode["reason"].get<std::string>().empty() ? "" : ": " + mode["reason"].get<std::string>());
