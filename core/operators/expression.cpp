@@ -467,7 +467,7 @@ Eigen::VectorXd Expression::eigenvalues(int k) const {
   if (std::abs(left - right) > 1e-9 * (std::abs(left) + std::abs(right)))
     fail(Code::operator_shape, "eigenvalues of " + text(), "a symmetric operator",
          fmt::format("x* A y = {:.6g}, y* A x = {:.6g}", left, right), "(A:star() * A):eig(k) gives the squares of the singular values");
-  if (n <= kFormed) {
+  if (n <= kFormed || 2 * k + 8 >= n) {  // for so many Lanczos' method forms it too, as one that is definite
     const Eigen::MatrixXd A = dense();
     return symmetric_eigenvalues(0.5 * (A + A.transpose())).reverse().head(k);
   }

@@ -98,6 +98,8 @@ TEST(Expressions, NormsOfManyBodiesWithoutAMatrix) {  // a chain of 400 revolute
   EXPECT_EQ((mass_matrix - mass_matrix).norm(), 0.0);
   const VectorXd ten = mass_matrix.eigenvalues(10);
   for (int i = 0; i < 10; ++i) EXPECT_NEAR(ten[i] / values[399 - i], 1.0, 1e-9);
+  const VectorXd half = (-1.0 * mass_matrix).eigenvalues(200);
+  for (int i = 0; i < 200; ++i) EXPECT_NEAR(half[i], -values[i], 1e-12 * values[399]);
 }
 
 TEST(Operators, ErasedForKrylovMethods) {  // the view that ARPACK takes, against the dense matrix; its adjoint too
