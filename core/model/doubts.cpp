@@ -177,19 +177,20 @@ std::vector<std::string> keys_not_read(const Model& model, const Device& device)
 
 Warnings idle_keys(const Model& model) {
   Warnings found;
+  const auto tell = [&](const char* kind, const std::string& name, const ParamValues& given, const std::vector<std::string>& not_read) {
+    for (const std::string& key : not_read)
+      if (given.contains(key))
+        found.add(Code::no_effect, model.spec->locate(fmt::format("{}.{}.{}", kind, name, key)),
+                  fmt::format("`{}` does not apply to {} as its other keys choose it", key, name));
+  };
   for (const Device& d : model.devices.all)
-    for (const std::string& key : keys_not_read(model, d))
-      if (model.spec->devices[static_cast<std::size_t>(d.spec)].params.contains(key))
-        found.add(Code::no_effect, model.spec->locate(fmt::format("devices.{}.{}", d.name, key)),
-                  fmt::format("`{}` does not apply to {} as its other keys choose it", key, d.name));
+    tell("devices", d.name, model.spec->devices[static_cast<std::size_t>(d.spec)].params, keys_not_read(model, d));
   for (std::size_t i = 0; i < model.spec->fields.size(); ++i) {
     const FieldSpec& given = model.spec->fields[i];
     const cardan_field_family& f = *model.fields[i].source->family;
-    for (const std::string& key : keys_not_read(*model.spec, {"fields." + given.name, f.type, given.params},
-                                                {{f.params, f.n_params}, f.params_size, f.pack, f.packed_size}))
-      if (given.params.contains(key))
-        found.add(Code::no_effect, model.spec->locate(fmt::format("fields.{}.{}", given.name, key)),
-                  fmt::format("`{}` does not apply to {} as its other keys choose it", key, given.name));
+    tell("fields", given.name, given.params,
+         keys_not_read(*model.spec, {"fields." + given.name, f.type, given.params},
+                       {{f.params, f.n_params}, f.params_size, f.pack, f.packed_size}));
   }
   return found;
 }

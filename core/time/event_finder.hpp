@@ -66,7 +66,7 @@ class EventFinder {
     t_before_ = t_, quiet_until_before_ = quiet_until_, g_before_ = g_begin_, quiet_before_ = quiet_;
     if (!slopes_known_) slopes(t_, way, g_begin_, slope_begin_, beside);
     evaluate(t_end, state_at(t_end), g_end_);
-    slopes(t_end, -way, g_end_, slope_end_, beside);
+    const bool slopes_at_end = slopes(t_end, -way, g_end_, slope_end_, beside);
     std::fill(t_begin_.begin(), t_begin_.end(), t_);
     leave_zero(std::max(quiet_until_, t_ + window), t_end, state_at);
 
@@ -86,7 +86,7 @@ class EventFinder {
     }
     if (first == kNever) {
       std::swap(g_begin_, g_end_), std::swap(slope_begin_, slope_end_);
-      slopes_known_ = true;
+      slopes_known_ = slopes_at_end;
       t_ = t_end;
       return false;
     }
@@ -123,12 +123,14 @@ class EventFinder {
       fail_integration(Code::not_finite, t, "event function " + std::to_string(i) + " = " + std::to_string(g[i]), {});
   }
 
-  /// None in an interval of rounding, which has no inside.
+  /// false: none in an interval of rounding, which has no inside.
   template <class Beside>
-  void slopes(double t, double way, const std::vector<double>& g, std::vector<double>& slope, Beside& beside) {
-    if (std::abs(way) < 4.0 * std::numeric_limits<double>::epsilon() * std::abs(t)) return std::fill(slope.begin(), slope.end(), 0.0);
+  bool slopes(double t, double way, const std::vector<double>& g, std::vector<double>& slope, Beside& beside) {
+    if (std::abs(way) < 4.0 * std::numeric_limits<double>::epsilon() * std::abs(t))
+      return std::fill(slope.begin(), slope.end(), 0.0), false;
     evaluate(t + way, beside(t, way), g_);
     for (std::size_t i = 0; i < n_; ++i) slope[i] = (g_[i] - g[i]) / way;
+    return true;
   }
 
   /// Between two ends of one sign: where it has the other one; kNever where that is not seen. The tangents at both ends lie below a
@@ -203,8 +205,10 @@ class EventFinder {
   }
 
   const OdeProblem& problem_;
-  std::size_t n_, first_corner_;                                                            // those from here on are corners
-  double t_ = 0.0, quiet_until_ = -kNever, t_before_ = 0.0, quiet_until_before_ = -kNever;  // [s] before: the last find()
+  std::size_t n_, first_corner_;  // those from here on are corners
+  double t_ = 0.0, quiet_until_ = -kNever;
+
+  double t_before_ = 0.0, quiet_until_before_ = -kNever;  // [s] as they were before the last find(), as g_before_ and quiet_before_
   std::vector<double> g_begin_, g_end_, g_, g_before_, slope_begin_, slope_end_, t_begin_, t_cross_;
   bool slopes_known_ = false;  // at the beginning
   std::vector<int> crossed_;

@@ -138,6 +138,52 @@ TEST_P(EveryMethodEvents, ADipInsideOfAStepIsTwoCrossings) {
   }
 }
 
+/// The same where the step before had no inside: a run that was stopped a rounding later.
+TEST_P(EveryMethodEvents, ADipIsSeenBehindAStepOfRounding) {
+  auto integrator = make_by(with_roots(oscillator(), 1, [](double t, const double*, double* g) { g[0] = (t - 1.25) * (t - 1.25) - 1e-6; }),
+                            GetParam() == "rk4" ? rk4(0.5) : adaptive(GetParam(), 1e-5));
+  double x[2] = {1.0, 0.0}, t = 1.0;
+  integrator->restart(t, x);
+  std::vector<double> found;
+  for (const double stop : {std::nextafter(1.0, 2.0), 2.0})
+    while (t < stop) {
+      const StepReport report = integrator->step(stop, x);
+      t = report.t;
+      if (report.event) found.push_back(t);
+    }
+  ASSERT_EQ(found.size(), 2u);
+  EXPECT_NEAR(found[0], 1.249, 1e-12);
+  EXPECT_NEAR(found[1], 1.251, 1e-12);
+}
+
+/// A body of mass 1 thrown up to a stiff spring, which it meets for 2 / w atan(v w / g): steps far longer than that before it. Polynomials
+/// of ark_implicit inside of its steps take rates in the spring, which is no part of them.
+TEST_P(EveryMethodEvents, AShortContactIsNotPassed) {
+  if (GetParam() == "ark_implicit") GTEST_SKIP() << "locates the contact by rates beyond it";
+  const double g = 9.81, w = 50.0, up = 5.0;
+  for (const double level : {1.2, 1.25, 1.27, 1.273, 1.274}) {
+    OdeProblem ball = problem(2, [&](double, const double* x, double* xdot) {
+      xdot[0] = x[1];
+      xdot[1] = -g - (x[0] > level ? w * w * (x[0] - level) : 0.0);
+      return true;
+    });
+    auto integrator = make_by(with_roots(ball, 1, [&](double, const double* x, double* out) { out[0] = x[0] - level; }),
+                              GetParam() == "rk4" ? rk4(1e-3) : adaptive(GetParam(), 1e-9));
+    double x[2] = {0.0, up}, t = 0.0;
+    integrator->restart(t, x);
+    int met = 0;
+    while (t < 20.0) {
+      const StepReport report = integrator->step(20.0, x);
+      t = report.t;
+      if (report.event) ++met, integrator->restart(t, x);
+    }
+    EXPECT_EQ(met, 2) << level;
+    const double into = std::sqrt(up * up - 2.0 * g * level), back = 2.0 * (up - into) / g + 2.0 / w * std::atan(into * w / g),
+                 left = 20.0 - back;
+    EXPECT_NEAR(x[0], -up * left - 0.5 * g * left * left, 1e-6 * 1863.0) << level;
+  }
+}
+
 /// Near them, by the state as it is known inside of the step: an event of the same function takes at least as many right-hand sides. Each
 /// once, whether the method starts anew there or not; ARKODE chooses its first step anew then, which may be lucky.
 TEST_P(EveryMethodEvents, ACornerEndsAStep) {
