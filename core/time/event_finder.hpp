@@ -31,6 +31,10 @@ class EventFinder {
         quiet_before_(n_) {}
 
   std::span<const int> crossed() const { return crossed_; }
+  /// Of the event: nothing but corners.
+  bool at_corners() const {
+    return std::all_of(crossed_.begin(), crossed_.begin() + static_cast<std::ptrdiff_t>(first_corner_), [](int c) { return c == 0; });
+  }
   long evaluations() const { return evaluations_; }
 
   void restart(double t, const double* x) {

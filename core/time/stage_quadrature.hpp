@@ -15,7 +15,7 @@ class StageQuadrature {
  public:
   /// n integrals; b, c: weights and places of all stages, the first at the start of the step.
   StageQuadrature(int n, std::vector<double> b, const std::vector<double>& c)
-      : n_(static_cast<std::size_t>(n)), b_(std::move(b)), begin_(n_), sum_(n_), error_(n_), start_(n_), end_(n_) {
+      : n_(static_cast<std::size_t>(n)), b_(std::move(b)), begin_(n_), sum_(n_), error_(n_), error_before_(n_), start_(n_), end_(n_) {
     before_ = third_ = two_thirds_ = sum_;
     noted_.resize(n_ * (b_.size() - 1));
     for (std::size_t s = 1; s < b_.size(); ++s)
@@ -41,7 +41,7 @@ class StageQuadrature {
   }
   /// A step of h is done, the rates at its end are known.
   void step(double h) {
-    begin_ = sum_;
+    begin_ = sum_, error_before_ = error_;
     for (std::size_t i = 0; i < n_; ++i) {
       const auto rate = [&](std::size_t stage) {
         return noted_[n_ * ((last_ + stage) % (b_.size() - 1)) + i];
@@ -59,6 +59,8 @@ class StageQuadrature {
     h_ = h;
     noted_t_ = std::numeric_limits<double>::quiet_NaN();
   }
+  /// It has not been; start() is not known.
+  void take_back() { sum_ = begin_, error_ = error_before_; }
   /// Where the rates at one and at two thirds of the last step go, for inside().
   double* third() { return third_.data(); }
   double* two_thirds() { return two_thirds_.data(); }
@@ -89,7 +91,7 @@ class StageQuadrature {
   std::vector<double> b_;
   std::size_t middle_ = 0;         // of the stages
   std::array<double, 3> three_{};  // weights at the start, there and at the end
-  std::vector<double> begin_, sum_, error_, start_, end_, noted_, before_, third_, two_thirds_;
+  std::vector<double> begin_, sum_, error_, error_before_, start_, end_, noted_, before_, third_, two_thirds_;
   double h_ = 0.0;  // [s]
   std::size_t last_ = 0;
   double noted_t_ = std::numeric_limits<double>::quiet_NaN();  // [s]

@@ -148,15 +148,14 @@ class Sundials final : public Integrator {
     StepReport report;
     report.t = t_;
     if (t_ < t_stop) {
-      if (t_ == t_internal_) {  // else an event ended the last step inside of theirs
+      const bool whole = t_ == t_internal_;  // else an event ended the last step inside of theirs
+      if (whole) {
         report.limit = advance(t_stop);
         report.stiff = explicit_ && steps_ % (Api::multistep ? kStiffness : kStiffness / kLooks / 2) == 0 && stiff();
       }
       report.t = std::min(t_internal_, t_stop);
       if (problem_.n_roots > 0) {
-        const auto state = [this](double t) { return state_at(t); };
-        report.event = events_.find(report.t, state, state, [this](double t, double dt) { return beside(t, dt); });
-        if (report.event) report.crossed = events_.crossed(), report.limit = StepLimit::stop;
+        find_event(report, !Api::multistep && whole);
         if constexpr (!Api::multistep) {
           if (report.t < t_internal_ && problem_.n_quadrature > 0) integrals_inside(report.t);  // before anything is changed there
           if (report.event) next_step_ = initial_step_;  // what acts from here on may be far shorter, as a contact is
@@ -435,9 +434,39 @@ class Sundials final : public Integrator {
     part_t_ = std::numeric_limits<double>::quiet_NaN();
   }
 
+  /// to_it: while it lies inside of the step, up to it anew. Polynomials inside of a step go through rates there, which may be those beyond
+  /// the event.
+  void find_event(StepReport& report, bool to_it) {
+    constexpr int kTries = 8;
+    constexpr double kThere = 1e-7;  // of the step, from its ends
+    const double there = std::max(kThere * (t_internal_ - t_), 64.0 * std::numeric_limits<double>::epsilon() * std::abs(t_));
+    const auto state = [this](double t) { return state_at(t); };
+    for (int tries = to_it && !still_ ? kTries : 0;; --tries) {
+      report.event = events_.find(report.t, state, state, [this](double t, double dt) { return beside(t, dt); });
+      if (tries == 0 || !report.event || events_.at_corners() || t_internal_ - report.t <= there || report.t - t_ <= there) break;
+      if constexpr (!Api::multistep) {
+        events_.take_back();
+        take_back();
+        report.limit = advance(report.t);
+        report.t = t_internal_;
+      }
+    }
+    if (report.event) report.crossed = events_.crossed(), report.limit = StepLimit::stop;
+  }
+  /// The last step, of a method of one step, has not been.
+  void take_back() {
+    x_ = dense_.begin();
+    evaluated_ = false;
+    quadrature_.take_back();
+    error_sum_ = error_sum_before_;
+    --steps_;
+    start_at(t_);
+  }
+
   StepLimit advance(double t_stop) {
     constexpr double eps = std::numeric_limits<double>::epsilon();
-    if (t_stop - t_ <= 8.0 * eps * std::max(std::abs(t_), std::abs(t_stop))) {  // too close for them to start
+    still_ = t_stop - t_ <= 8.0 * eps * std::max(std::abs(t_), std::abs(t_stop));
+    if (still_) {  // too close for them to start
       begin_stretch();
       start_at(t_stop);
       return StepLimit::stop;
@@ -450,6 +479,7 @@ class Sundials final : public Integrator {
     trouble_.clear();
     tried_ = rejected_in_step_ = false;
     worst_ = -1;
+    error_sum_before_ = error_sum_;
     check(Api::set_stop_time(memory_.get(), t_stop), "SetStopTime");
     if constexpr (!Api::multistep) begin_step();
     int flag = Api::step(memory_.get(), t_stop, x_vector_.get(), &t_internal_);
@@ -513,6 +543,7 @@ class Sundials final : public Integrator {
 
   /// The integrals to t inside the last step of a method of one step.
   const std::vector<double>& integrals_inside(double t) {
+    if (still_) return quadrature_.sum();
     if (t == part_t_) return part_;
     part_t_ = t;
     inside(t);
@@ -671,7 +702,7 @@ class Sundials final : public Integrator {
 
   /// Projected copy of the state inside the last internal step; their history keeps what they computed.
   const double* state_at(double t) {
-    if (t == t_internal_)
+    if (t == t_internal_ || still_)
       x_out_ = x_;
     else if constexpr (Api::multistep)
       check(Api::dense_output(memory_.get(), t, x_out_vector_.get()), "GetDky");
@@ -746,8 +777,9 @@ class Sundials final : public Integrator {
   std::unique_ptr<void, Freed<&Api::free>> memory_;
   double t_ = 0.0, t_internal_ = 0.0;  // [s] reported to the caller; reached by them, >= t_
   bool krylov_ = false, explicit_ = false;
-  bool elsewhere_ = false;  // the last evaluation of f was that of a column of J
-  double error_sum_ = 0.0;
+  bool still_ = false;                               // the last step was one of rounding, in which nothing moves
+  bool elsewhere_ = false;                           // the last evaluation of f was that of a column of J
+  double error_sum_ = 0.0, error_sum_before_ = 0.0;  // the last step
   LinearCounts linear_before_;
   static constexpr double kUnknownRate = 0.5;  // of Newton's iteration: what is left is as large as the last correction
   static constexpr int kSampled = 4;           // steps to each whose error is looked at
