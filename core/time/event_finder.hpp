@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 #include <span>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
@@ -24,11 +25,14 @@ class EventFinder {
         g_before_(n_),
         slope_begin_(n_),
         slope_end_(n_),
+        slope_before_(n_),
         t_begin_(n_),
         t_cross_(n_),
         crossed_(n_),
         quiet_(n_),
-        quiet_before_(n_) {}
+        quiet_before_(n_) {
+    parts_.reserve(kDepth);
+  }
 
   std::span<const int> crossed() const { return crossed_; }
   /// Of the event: nothing but corners.
@@ -46,8 +50,8 @@ class EventFinder {
 
   /// The last find() has not been: nobody went to its event.
   void take_back() {
-    t_ = t_before_, quiet_until_ = quiet_until_before_, slopes_known_ = true;
-    std::swap(g_begin_, g_before_), std::swap(quiet_, quiet_before_);
+    t_ = t_before_, quiet_until_ = quiet_until_before_, slopes_known_ = slopes_known_before_;
+    std::swap(g_begin_, g_before_), std::swap(quiet_, quiet_before_), std::swap(slope_begin_, slope_before_);
   }
 
   /// What a restart at the same time keeps.
@@ -55,65 +59,62 @@ class EventFinder {
 
   /// Looks at (end of the last search, t_end]. `state_at(t)` gives the state at t in that interval, or at its end; `near_at(t)` one that
   /// may be less accurate, by which corners are located; `beside(t, dt)` that at t + dt, a small way from t, which is the beginning or what
-  /// state_at() was asked for last.
+  /// state_at() was asked for last; `rough_at(t)` one that costs next to nothing, by which a long step is divided, or Undivided.
   /// true: t_end becomes the time of the event, crossed() the directions.
   template <class StateAt>
   bool find(double& t_end, StateAt&& state_at) {
-    return find(t_end, state_at, state_at, [&](double t, double dt) { return state_at(t + dt); });
+    return find(
+        t_end, state_at, state_at, [&](double t, double dt) { return state_at(t + dt); }, state_at);
   }
-  template <class StateAt, class NearAt, class Beside>
-  bool find(double& t_end, StateAt&& state_at, NearAt&& near_at, Beside&& beside) {
+  struct Undivided {};
+  template <class StateAt, class NearAt, class Beside, class RoughAt = Undivided>
+  bool find(double& t_end, StateAt&& state_at, NearAt&& near_at, Beside&& beside, RoughAt&& rough_at = {}) {
     constexpr double eps = std::numeric_limits<double>::epsilon();
-    const double resolution = std::max(1e-13 * (t_end - t_), 4.0 * eps * std::abs(t_end));
-    const double window = 100.0 * resolution, way = kWay * (t_end - t_);
+    const double whole = t_end - t_, resolution = std::max(1e-13 * whole, 4.0 * eps * std::abs(t_end));
 
     t_before_ = t_, quiet_until_before_ = quiet_until_, g_before_ = g_begin_, quiet_before_ = quiet_;
-    if (!slopes_known_) slopes(t_, way, g_begin_, slope_begin_, beside);
-    evaluate(t_end, state_at(t_end), g_end_);
-    const bool slopes_at_end = slopes(t_end, -way, g_end_, slope_end_, beside);
-    std::fill(t_begin_.begin(), t_begin_.end(), t_);
-    leave_zero(std::max(quiet_until_, t_ + window), t_end, state_at);
-
+    if (!slopes_known_) slopes_known_ = slopes(t_, kWay * whole, g_begin_, slope_begin_, beside);
+    slope_before_ = slope_begin_, slopes_known_before_ = slopes_known_;
+    parts_.assign(1, t_end);
     const auto beside_near = [&](double t, double dt) { return near_at(t + dt); };
-    double first = kNever;
-    for (std::size_t i = 0; i < n_; ++i) {
-      t_cross_[i] = kNever;
-      if (g_begin_[i] == 0.0) continue;
-      Point beyond{t_end, g_end_[i]};
-      if (sign(g_begin_[i]) == sign(g_end_[i]))
-        beyond =
-            i < first_corner_ ? dip(i, t_end, resolution, 0, state_at, beside) : dip(i, t_end, resolution, kLooks, near_at, beside_near);
-      if (beyond.t == kNever) continue;
-      t_cross_[i] = i < first_corner_ ? locate(i, beyond, resolution, state_at)
-                                      : locate(i, beyond, std::max(resolution, kCorner * (t_end - t_)), near_at);
-      first = std::min(first, t_cross_[i]);
-    }
-    if (first == kNever) {
+    for (int looks = 0; !parts_.empty(); parts_.pop_back()) {  // each part as if it were a step
+      bool at_end = false;
+      for (;; ++looks) {
+        const double end = parts_.back();
+        if (parts_.size() == 1) {
+          evaluate(end, state_at(end), g_end_);
+          at_end = slopes(end, kWay * (t_ - end), g_end_, slope_end_, beside);
+        } else {
+          evaluate(end, near_at(end), g_end_);
+          at_end = slopes(end, kWay * (t_ - end), g_end_, slope_end_, beside_near);
+        }
+        if constexpr (!std::is_same_v<std::remove_cvref_t<RoughAt>, Undivided>)
+          if (looks < kMostLooks && parts_.size() < kDepth && at_end && slopes_known_ && bends(end, rough_at)) {
+            parts_.push_back(t_ + kInside[0] * (end - t_));
+            continue;
+          }
+        break;
+      }
+      if (find_in(parts_.back(), resolution, state_at, near_at, beside)) return t_end = t_, true;
       std::swap(g_begin_, g_end_), std::swap(slope_begin_, slope_end_);
-      slopes_known_ = slopes_at_end;
-      t_ = t_end;
-      return false;
+      slopes_known_ = at_end;
+      t_ = parts_.back();
     }
-    slopes_known_ = false;
-    double t_event = first;  // crossings closer than the window are one event, at the last of them
-    for (const double t : t_cross_)
-      if (t <= first + window) t_event = std::max(t_event, t);
-    for (std::size_t i = 0; i < n_; ++i) {
-      crossed_[i] = t_cross_[i] <= t_event ? -sign(g_begin_[i]) : 0;
-      quiet_[i] = static_cast<signed char>(crossed_[i]);
-    }
-    quiet_until_ = t_event + window;
-    t_ = t_end = t_event;
-    evaluate(t_event, state_at(t_event), g_begin_);
-    return true;
+    return false;
   }
 
  private:
   static constexpr double kNever = std::numeric_limits<double>::infinity();
-  static constexpr double kCorner = 1e-6;    // of the step: how near to a corner it ends
-  static constexpr double kWay = 1e-3;       // of the interval: over which slopes are differences
-  static constexpr int kLooks = 8;           // at a corner that may be passed to and fro
-  static constexpr double kShallow = 1e-12;  // of what it is at the ends: what does not dip deeper has not crossed
+  static constexpr double kCorner = 1e-6;            // of the step: how near to a corner it ends
+  static constexpr double kWay = 1e-3;               // of the interval: over which slopes are differences
+  static constexpr int kLooks = 16;                  // for a dip that is in doubt
+  static constexpr double kShallow = 1e-12;          // of what it is at the ends: what does not dip deeper has not crossed
+  static constexpr double kInside[] = {0.41, 0.71};  // of a step: where it is looked at, and divided first; no simple parts of a period
+  static constexpr double kStraight = 0.05;          // of what a function is: by what it may leave a straight line, not looked at
+  static constexpr double kCubic = 1e-3;             // of what it is and does in the step: how far it may be from a cubic
+  static constexpr double kReach = 8.0;              // times as far from it as it is seen to be: zero may be reached
+  static constexpr std::size_t kDepth = 12;          // divisions of divisions
+  static constexpr int kMostLooks = 256;
   struct Point {
     double t, g;
   };
@@ -137,20 +138,86 @@ class EventFinder {
     return true;
   }
 
+  /// Whether a function that may be zero in (t_, t_end) is inside of it far from the cubic by its values and slopes at the ends: it may
+  /// have several waves in it, or a corner. One that is nearly straight by these is not looked at.
+  template <class RoughAt>
+  bool bends(double t_end, RoughAt& rough_at) {
+    const double h = t_end - t_;
+    const auto may = [&](std::size_t i) {
+      const double line = (g_end_[i] - g_begin_[i]) / h,
+                   off = h * std::max(std::abs(slope_begin_[i] - line), std::abs(slope_end_[i] - line));
+      return off > kStraight * std::min(std::abs(g_begin_[i]), std::abs(g_end_[i]));
+    };
+    bool any = false;
+    for (std::size_t i = 0; i < n_ && !any; ++i) any = may(i);
+    if (!any) return false;
+    for (const double s : kInside) {
+      const double r = 1.0 - s;
+      evaluate(t_ + s * h, rough_at(t_ + s * h), g_);
+      for (std::size_t i = 0; i < n_; ++i) {
+        if (!may(i)) continue;
+        const double a = g_begin_[i], b = g_end_[i], g = g_[i], size = std::max(std::abs(a), std::abs(b)),
+                     change = h * std::max(std::abs(slope_begin_[i]), std::abs(slope_end_[i])),
+                     cubic =
+                         r * r * (1.0 + 2.0 * s) * a + s * s * (1.0 + 2.0 * r) * b + h * s * r * (r * slope_begin_[i] - s * slope_end_[i]),
+                     off = std::abs(g - cubic), least = std::min({std::abs(a), std::abs(b), std::abs(g)});
+        if (sign(a) == sign(b) && sign(a) != sign(g)) return true;
+        if ((sign(a) != sign(b) || kReach * off > least) && off > kCubic * (size + change)) return true;
+      }
+    }
+    return false;
+  }
+
+  /// In (t_, t_end], where values and slopes at both ends are known: t_ becomes the time of the event.
+  template <class StateAt, class NearAt, class Beside>
+  bool find_in(double t_end, double resolution, StateAt& state_at, NearAt& near_at, Beside& beside) {
+    const double window = 100.0 * resolution;
+    std::fill(t_begin_.begin(), t_begin_.end(), t_);
+    leave_zero(std::max(quiet_until_, t_ + window), t_end, state_at);
+
+    const auto beside_near = [&](double t, double dt) { return near_at(t + dt); };
+    double first = kNever;
+    for (std::size_t i = 0; i < n_; ++i) {
+      t_cross_[i] = kNever;
+      if (g_begin_[i] == 0.0) continue;
+      Point beyond{t_end, g_end_[i]};
+      if (sign(g_begin_[i]) == sign(g_end_[i]))
+        beyond =
+            i < first_corner_ ? dip(i, t_end, resolution, 0.5, state_at, beside) : dip(i, t_end, resolution, 1.0, near_at, beside_near);
+      if (beyond.t == kNever) continue;
+      t_cross_[i] = i < first_corner_ ? locate(i, beyond, resolution, state_at)
+                                      : locate(i, beyond, std::max(resolution, kCorner * (t_end - t_)), near_at);
+      first = std::min(first, t_cross_[i]);
+    }
+    if (first == kNever) return false;
+    slopes_known_ = false;
+    double t_event = first;  // crossings closer than the window are one event, at the last of them
+    for (const double t : t_cross_)
+      if (t <= first + window) t_event = std::max(t_event, t);
+    for (std::size_t i = 0; i < n_; ++i) {
+      crossed_[i] = t_cross_[i] <= t_event ? -sign(g_begin_[i]) : 0;
+      quiet_[i] = static_cast<signed char>(crossed_[i]);
+    }
+    quiet_until_ = t_event + window;
+    t_ = t_event;
+    evaluate(t_event, state_at(t_event), g_begin_);
+    return true;
+  }
+
   /// Between two ends of one sign: where it has the other one; kNever where that is not seen. The tangents at both ends lie below a
   /// function that bends towards them: as long as they meet beyond zero, it is looked at there, and its tangent there takes the place of
-  /// one of them. looks: at least so many, for one that bends both ways.
+  /// one of them. doubt: of what it is at the ends; for one that bends both ways the first kLooks are made where they meet below that.
   template <class StateAt, class Beside>
-  Point dip(std::size_t i, double t_end, double resolution, int looks, StateAt& state_at, Beside& beside) {
+  Point dip(std::size_t i, double t_end, double resolution, double doubt, StateAt& state_at, Beside& beside) {
     const double side = sign(g_end_[i]);
     struct End {
       double t, g, slope;
     } a{t_begin_[i], side * g_begin_[i], side * slope_begin_[i]}, b{t_end, side * g_end_[i], side * slope_end_[i]};
     const double least = -kShallow * std::max(a.g, b.g);
-    for (; a.slope < 0.0 && b.slope > 0.0 && b.t - a.t > resolution; --looks) {
+    for (int looks = kLooks; a.slope < 0.0 && b.slope > 0.0 && b.t - a.t > resolution; --looks) {
       const double length = b.t - a.t, meet = (a.g - b.g + b.slope * length) / (b.slope - a.slope);
-      if (looks <= 0 && a.g + a.slope * meet >= least) break;
-      const double to = meet > 0.0 && meet < length ? meet : 0.5 * length, t = a.t + to,
+      if (a.g + a.slope * meet >= (looks > 0 ? doubt * std::max(a.g, b.g) : least)) break;
+      const double to = meet > 0.0 && meet < length && looks % 3 != 0 ? meet : 0.5 * length, t = a.t + to,
                    way = 2.0 * to < length ? kWay * length : -kWay * length;
       evaluate(t, state_at(t), g_);
       const double g = g_[i];
@@ -213,8 +280,9 @@ class EventFinder {
   double t_ = 0.0, quiet_until_ = -kNever;
 
   double t_before_ = 0.0, quiet_until_before_ = -kNever;  // [s] as they were before the last find(), as g_before_ and quiet_before_
-  std::vector<double> g_begin_, g_end_, g_, g_before_, slope_begin_, slope_end_, t_begin_, t_cross_;
-  bool slopes_known_ = false;  // at the beginning
+  std::vector<double> g_begin_, g_end_, g_, g_before_, slope_begin_, slope_end_, slope_before_, t_begin_, t_cross_;
+  bool slopes_known_ = false, slopes_known_before_ = false;  // at the beginning
+  std::vector<double> parts_;                                // [s] ends of parts of a step, the next one last
   std::vector<int> crossed_;
   std::vector<signed char> quiet_, quiet_before_;  // the direction in which one fired that is not to fire again yet
   long evaluations_ = 0;

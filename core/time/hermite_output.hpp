@@ -16,12 +16,16 @@ class HermiteOutput {
   std::vector<double>& begin_rate() { return begin_rate_; }
   bool known() const { return known_; }
 
-  /// State and rate where the step of h [s] ends. `rate_at(s, x, xdot)`: the rate at the share s of the step, from x, which it may project;
-  /// false where there is none: then the degree stays what it is.
-  template <class Rate>
-  void end(const std::vector<double>& x, const std::vector<double>& rate, double h, const Rate& rate_at) {
-    end_ = x, end_rate_ = rate, h_ = h, known_ = true;
+  /// State and rate where the step of h [s] ends: a cubic.
+  void end(const std::vector<double>& x, const std::vector<double>& rate, double h) {
+    end_ = x, end_rate_ = rate, h_ = h;
     bend_.assign(bend_.size(), 0.0), skew_.assign(skew_.size(), 0.0);
+  }
+  /// `rate_at(s, x, xdot)`: the rate at the share s of the step, from x, which it may project; false where there is none: then the degree
+  /// stays what it is.
+  template <class Rate>
+  void complete(const Rate& rate_at) {
+    known_ = true;
     const auto beyond_cubic = [&](double s, std::vector<double>& slope) {
       at(s, x_.data());
       if (!rate_at(s, x_.data(), slope.data())) return false;

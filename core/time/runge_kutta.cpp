@@ -294,11 +294,20 @@ class RungeKutta final : public Integrator {
   void dense_output(double t) {
     const double h = t1_ - t0_;
     if (t == t1_ || h == 0.0) return void(work_ = z1_);
-    const double s = (t - t0_) / h, r = 1.0 - s;
+    const double s = (t - t0_) / h;
     complete_stages();
     inner_output(h, s);
+    within(s);
+  }
+  /// work_ = what lies between the ends of the step at its share s, by inner_.
+  void within(double s) {
+    const double h = t1_ - t0_, r = 1.0 - s;
     work_ = z0_ + s * (z1_ - z0_ +
                        r * (h * first_slope() - (z1_ - z0_) + s * (2.0 * (z1_ - z0_) - h * (first_slope() + last_slope()) + r * inner_)));
+  }
+  void cubic(double s) {
+    inner_.setZero();
+    within(s);
   }
 
   /// While a stretch is short, integrals are those of the tableau. From kPoints nodes on they go through the rates at the ends of the
@@ -535,8 +544,14 @@ class RungeKutta final : public Integrator {
       work_.head(n_) = t == t1_ ? z1_.head(n_) + dt * last_slope().head(n_) : z0_.head(n_) + dt * first_slope().head(n_);
       return work_.data();
     };
+    const auto roughly = [this, whole](double t) {
+      if (t1_ != whole) must_step(whole);
+      cubic((t - t0_) / (t1_ - t0_));
+      if (problem_.project) problem_.project(t, work_.data());
+      return work_.data();
+    };
     double t = t1_;
-    if (events_.find(t, state_at, inside, beside)) {
+    if (events_.find(t, state_at, inside, beside, roughly)) {
       report.event = true;
       report.crossed = events_.crossed();
     }

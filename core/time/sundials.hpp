@@ -442,7 +442,8 @@ class Sundials final : public Integrator {
     const double there = std::max(kThere * (t_internal_ - t_), 64.0 * std::numeric_limits<double>::epsilon() * std::abs(t_));
     const auto state = [this](double t) { return state_at(t); };
     for (int tries = to_it && !still_ ? kTries : 0;; --tries) {
-      report.event = events_.find(report.t, state, state, [this](double t, double dt) { return beside(t, dt); });
+      const auto beside_at = [this](double t, double dt) { return beside(t, dt); };
+      report.event = events_.find(report.t, state, state, beside_at, [this](double t) { return roughly(t); });
       if (tries == 0 || !report.event || events_.at_corners() || t_internal_ - report.t <= there || report.t - t_ <= there) break;
       if constexpr (!Api::multistep) {
         events_.take_back();
@@ -719,6 +720,17 @@ class Sundials final : public Integrator {
     return x_out_.data();
   }
 
+  /// state_at() without an evaluation of f.
+  const double* roughly(double t) {
+    if (Api::multistep || dense_.known() || still_) return state_at(t);
+    double h = 0.0;
+    Api::last_step(memory_.get(), &h);
+    dense_.end(x_, last_rate_, h);
+    dense_.at(1.0 + (t - t_internal_) / h, x_out_.data());
+    if (problem_.project) problem_.project(t, x_out_.data());
+    return x_out_.data();
+  }
+
   /// x_out_ at t inside the last step of a method of one step.
   void inside(double t) {
     double h = 0.0;
@@ -727,7 +739,8 @@ class Sundials final : public Integrator {
       quadrature_.guess_inside();
       aside_ = true;
       const bool known = std::exchange(evaluated_, false);
-      dense_.end(x_, last_rate_, h, [&](double s, double* x, double* xdot) {
+      dense_.end(x_, last_rate_, h);
+      dense_.complete([&](double s, double* x, double* xdot) {
         const double at = t_internal_ + (s - 1.0) * h;
         if (problem_.project) problem_.project(at, x);
         if (evaluate(at, x, xdot) != 0) return false;

@@ -53,6 +53,29 @@ TEST(DryFriction, ASwingEndsWhereTheSpringNoLongerBreaksItAway) {
   }
 }
 
+/// The same in one run: of what is linear between two reversals a step may be several swings long, each of which ends by one.
+TEST(DryFriction, SwingsWithinOneStepEndAllTheSame) {
+  const double m = 1.0, k = 400.0;
+  for (const double F : {7.0, 21.0, 25.0, 53.0})
+    for (const std::string method : {"dopri5", "cvode_adams", "ark_explicit", "exponential", "multirate"}) {
+      BodySpec mass = on(particle("mass", m, {0, 0, 0}), "", "prismatic", {{1, 0, 0}});
+      mass.hinge.q = {0.613};
+      SpringDamper spring;
+      spring.stiffness = k;
+      mass.hinge.springs = {spring};
+      SystemSpec spec = system({mass});
+      spec.devices = {device("drag", "dry_friction", {{"coulomb", F}}, {{"at", "mass"}})};
+      SimulationOptions o;
+      o.integrator.method = method, o.integrator.relative_tolerance = 1e-8;
+      Simulation sim(compiled(spec), o);
+      sim.run(10.0);
+      double rests = 0.613;  // the other side of where force and spring are equal
+      for (double side = 1.0; std::abs(rests) > F / k; side = -side) rests = 2.0 * side * F / k - rests;
+      EXPECT_NEAR(sim.state().q[0], rests, 1e-6) << method << " " << F;
+      EXPECT_EQ(sim.state().marks[0], 1.0) << method << " " << F;
+    }
+}
+
 /// A mass that a spring drags, whose other end moves at u, sticks until k u t = F_s, slides for (2 pi - 2 atan(w (F_s - F) / (k u))) / w
 /// and sticks for 2 (F_s - F) / (k u), and so on.
 TEST(DryFriction, SticksAndSlipsAtTheTimesOfTheClosedForm) {

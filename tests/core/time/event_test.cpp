@@ -138,6 +138,34 @@ TEST_P(EveryMethodEvents, ADipInsideOfAStepIsTwoCrossings) {
   }
 }
 
+/// A step of any length is exact where a body is thrown: its distance from a point that it passes has a corner there and a hump above it.
+/// Each crossing of it, whether the method starts anew there or not.
+TEST_P(EveryMethodEvents, ALongStepHasAllOfItsCrossings) {
+  const double g = 9.81, up = 7.0, height = up * up / (2.0 * g);
+  for (const bool anew : {false, true})
+    for (const double level : {0.01, 0.1, 0.5, 1.3, 2.0, 2.4, 2.49}) {
+      OdeProblem thrown = problem(2, [&](double, const double* x, double* xdot) { return xdot[0] = x[1], xdot[1] = -g, true; });
+      auto integrator = make_by(with_roots(thrown, 1, [&](double, const double* x, double* out) { out[0] = std::abs(x[0]) - level; }),
+                                GetParam() == "rk4" ? rk4(0.7) : adaptive(GetParam(), 1e-8));
+      const double to = std::sqrt(up * up - 2.0 * g * level), below = std::sqrt(up * up + 2.0 * g * level),
+                   down = std::sqrt(up * up + 2.0 * g * 3.0);
+      // From 3 below the point: at -level, level, level, -level.
+      const double crossings[] = {(down - below) / g, (down - to) / g, (down + to) / g, (down + below) / g};
+      double x[2] = {-3.0, down}, t = 0.0;
+      integrator->restart(t, x);
+      std::vector<double> found;
+      while (t < 5.0) {
+        const StepReport report = integrator->step(5.0, x);
+        t = report.t;
+        if (!report.event) continue;
+        found.push_back(t);
+        if (anew) integrator->restart(t, x);
+      }
+      ASSERT_EQ(found.size(), 4u) << level << (anew ? " anew" : "");
+      for (int k = 0; k < 4; ++k) EXPECT_NEAR(found[k], crossings[k], 1e-6 * height / std::min(to, 1.0)) << level << " " << k;
+    }
+}
+
 /// The same where the step before had no inside: a run that was stopped a rounding later.
 TEST_P(EveryMethodEvents, ADipIsSeenBehindAStepOfRounding) {
   auto integrator = make_by(with_roots(oscillator(), 1, [](double t, const double*, double* g) { g[0] = (t - 1.25) * (t - 1.25) - 1e-6; }),
