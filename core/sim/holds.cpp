@@ -10,6 +10,8 @@ namespace cardan {
 
 namespace {
 
+constexpr double kStillMoves = 1e-10;  // of the largest rate [rad/s, m/s], at least of 1: what is left where rest is located, at most
+
 /// What holds gives way at a root that lies a little beyond the most that settle_holds() leaves alone: on which side of it a state begins
 /// is never a matter of rounding.
 constexpr double kLoose = 1.0 + 1e-12, kRoot = 1.0 + 1e-10;
@@ -57,9 +59,23 @@ void Simulation::break_away(std::size_t hold, int direction) {
   changed();
 }
 
+/// Where it came to rest is known to the rounding of the instant, and so far it moves there still: no error of the steps.
 void Simulation::stop_what_is_held() {
-  for (const DeviceHold& h : model_->devices.holds)
-    if (model_->prescribed[static_cast<std::size_t>(h.v)] != 0 && state_.v[h.v] != 0.0) state_.v[h.v] = 0.0, changed();
+  const auto moves = [this](const DeviceHold& h) { return model_->prescribed[static_cast<std::size_t>(h.v)] != 0 && state_.v[h.v] != 0.0; };
+  const auto& holds = model_->devices.holds;
+  if (std::ranges::none_of(holds, moves)) return;
+  const double still = kStillMoves * std::max(1.0, state_.v.cwiseAbs().maxCoeff());
+  const bool rounding = std::ranges::none_of(holds, [&](const DeviceHold& h) { return moves(h) && std::abs(state_.v[h.v]) > still; });
+  const Momentum p = momentum();
+  const double e = energy().total();
+  for (const DeviceHold& h : holds)
+    if (moves(h)) state_.v[h.v] = 0.0;
+  changed();
+  if (!rounding) return;
+  const Momentum now = momentum();
+  Balances::Integrals off;
+  off << now.linear - p.linear, now.angular - p.angular, energy().total() - e;
+  balances_.jump(Balances::Integrals::Zero(), off.cwiseAbs());
 }
 
 /// What closed loops do not let move while something else is held stands still, and holds as well.

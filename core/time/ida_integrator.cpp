@@ -125,8 +125,6 @@ class Ida final : public Integrator {
   std::string_view name() const override { return "ida"; }
 
  private:
-  static constexpr int kSampled = 4;  // steps to each whose error is looked at
-
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
   Vector wrap(std::vector<double>& v) { return Vector(N_VMake_Serial(static_cast<sunindextype>(v.size()), v.data(), context_.get())); }
 
@@ -243,8 +241,7 @@ class Ida final : public Integrator {
     if (!form_.leave(t_internal_, y_.data(), x_.data(), true)) fail(IDA_RES_FAIL);
     if (problem_.project) problem_.project(t_internal_, x_.data());
     if (problem_.n_quadrature > 0) add_node();
-    if (problem_.n_quadrature > 0 && statistics_.steps % kSampled == 0)
-      statistics_.error_sum += kSampled * std::min(1.0, N_VWrmsNorm(errors_vector_.get(), weights_vector_.get()));
+    if (problem_.n_quadrature > 0) statistics_.error_sum += std::min(1.0, N_VWrmsNorm(errors_vector_.get(), weights_vector_.get()));
     if (shortened && worst_ >= 0) return StepLimit::error;
     if (flag == IDA_TSTOP_RETURN) return StepLimit::stop;
     return worst_ < 0 ? StepLimit::given : StepLimit::error;  // of a multiplier there is no state to tell

@@ -515,11 +515,11 @@ class Sundials final : public Integrator {
         add_node(t_internal_, x_.data());
       else
         error_sum_ += Api::left_by_newton(name_);
-      if (steps_ % kSampled == 0) {
-        if (Api::multistep) Api::local_errors(memory_.get(), errors_vector_.get());
+      if (Api::multistep) {
+        Api::local_errors(memory_.get(), errors_vector_.get());
         Api::weights(memory_.get(), weights_vector_.get());  // those of the next step
-        error_sum_ += kSampled * std::min(1.0, N_VWrmsNorm(errors_vector_.get(), weights_vector_.get()));
       }
+      error_sum_ += std::min(1.0, N_VWrmsNorm(errors_vector_.get(), weights_vector_.get()));
     }
     double h = 0.0;
     Api::last_step(memory_.get(), &h);
@@ -795,7 +795,6 @@ class Sundials final : public Integrator {
   double error_sum_ = 0.0, error_sum_before_ = 0.0;  // the last step
   LinearCounts linear_before_;
   static constexpr double kUnknownRate = 0.5;  // of Newton's iteration: what is left is as large as the last correction
-  static constexpr int kSampled = 4;           // steps to each whose error is looked at
   static constexpr long kStiffness = 1000;     // steps between two looks
   static constexpr double kStable = 3.0;       // h times an eigenvalue: about where explicit methods of order 5 and 6 end
   static constexpr int kLooks = 10;            // of that at most, half of them in doubt

@@ -76,6 +76,27 @@ TEST(DryFriction, SwingsWithinOneStepEndAllTheSame) {
     }
 }
 
+/// Thrown up it comes to rest where rounding says that it does: what it still moves by there is no error of the steps.
+TEST(DryFriction, WhatComesToRestIsBalanced) {
+  for (int k = 0; k < 12; ++k)
+    for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
+      BodySpec mass = on(particle("mass", 0.5 + 0.2 * k, {0, 0, 0}), "", "prismatic", {{0, 0, 1}});
+      mass.hinge.v = {1.0 + 0.37 * k};
+      SystemSpec spec = system({mass});
+      spec.gravity = uniform_gravity({0, 0, -9.81});
+      const double weight = 9.81 * mass.mass;
+      spec.devices = {
+          device("drag", "dry_friction", {{"coulomb", (0.2 + 0.06 * k) * weight}, {"breakaway", 1.1 * weight}}, {{"at", "mass"}})};
+      SimulationOptions o;
+      o.integrator.method = method, o.integrator.relative_tolerance = 1e-8;
+      Simulation sim(compiled(spec), o);
+      for (const double t : {0.05, 0.1, 1.0, 2.0}) {
+        sim.run(t);
+        EXPECT_TRUE(sim.ledger().pass) << method << " " << k << " at " << t;
+      }
+    }
+}
+
 /// A mass that a spring drags, whose other end moves at u, sticks until k u t = F_s, slides for (2 pi - 2 atan(w (F_s - F) / (k u))) / w
 /// and sticks for 2 (F_s - F) / (k u), and so on.
 TEST(DryFriction, SticksAndSlipsAtTheTimesOfTheClosedForm) {

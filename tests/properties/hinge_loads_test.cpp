@@ -194,6 +194,22 @@ TEST(HardStop, BouncesWhatStandsAtItAtTheStart) {
   }
 }
 
+/// Nothing is told of what is right: the first steps of a method of many, of low order, count each.
+TEST(HardStop, WhatBouncesIsBalanced) {
+  for (int k = 0; k < 12; ++k)
+    for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"}) {
+      SystemSpec spec = slide(0.5 + 0.2 * k, 0.0, 1.0 + 0.37 * k, {hard_stop(-kNever, 0.05 + 0.01 * k, 1e5, 0.3 + 0.05 * k, 0.05)});
+      spec.gravity = uniform_gravity({-9.81, 0, 0});
+      SimulationOptions o;
+      o.integrator.method = method, o.integrator.relative_tolerance = 1e-8;
+      Simulation sim(compiled(spec), o);
+      for (const double t : {0.01, 0.03, 0.1, 1.0}) {
+        sim.run(t);
+        EXPECT_TRUE(sim.ledger().pass) << method << " " << k << " at " << t;
+      }
+    }
+}
+
 /// Newton's cradle: a blow goes through balls that touch, and the last one leaves. With losses by the same blows one after the other, by
 /// hand.
 TEST(HardStop, PassesABlowOn) {
