@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <set>
 
 #include "core/base/diagnostic.hpp"
@@ -12,7 +13,15 @@
 namespace cardan {
 namespace {
 
+constexpr double kEpsilon = std::numeric_limits<double>::epsilon();
+
 std::size_t at(int i) { return static_cast<std::size_t>(i); }
+
+double largest(const double* x, int n) {
+  double out = 0.0;
+  for (int i = 0; i < n; ++i) out = std::max(out, std::abs(x[i]));
+  return out;
+}
 
 std::shared_ptr<const Model> honoured_form(std::shared_ptr<const Model> model) {
   if (const std::string not_taken = VehicleImplicitForm::refusal(*model); !not_taken.empty())
@@ -41,11 +50,15 @@ VehicleImplicitForm::VehicleImplicitForm(std::shared_ptr<const Model> model, std
       nq_(bodies_.nq),
       nv_(bodies_.nv),
       rows_(system_.rows()),
-      absolute_(std::move(tolerances)) {
+      asked_(std::move(tolerances)),
+      absolute_(asked_) {
   for (const AbsoluteModel::Joint& joint : system_.bodies().joints) quaternions_.push_back(bodies_.user[at(joint.user)].q);
   absolute_.resize(absolute_.size() + 2 * at(rows_) + quaternions_.size(), 1.0);
   q_.resize(at(model_->nq)), v_.resize(at(model_->nv)), moved_.resize(at(nv_));
   given_q_ = q_, given_v_ = v_;
+  eta_of_.assign(at(nv_), -1);
+  for (const SweepBody& b : bodies_.bodies)
+    for (int j = 0; j < b.n_modes; ++j) eta_of_[at(b.etadot + j)] = b.eta + j;
   find_pattern();
 }
 
@@ -119,7 +132,7 @@ bool VehicleImplicitForm::enter(double t, const double* x, double* y, double* yd
     system_.keep_rows();
     good = system_.accelerate(*in, kept_, ydot + nq_, ydot + nq_ + nv_);
     bodies_.qdot(Q, U, ydot);
-    measure();
+    measure(y);
   };
   return guard_(std::ref(work)) && good;
 }
@@ -129,9 +142,24 @@ void VehicleImplicitForm::place(double t, const double* Q, const double* U) {
   system_.place(Q, U, drives, {given_q_.data(), given_v_.data()});
 }
 
-/// An integral of a multiplier may be off by as much as moves velocities, or coordinates, by their tolerances.
-void VehicleImplicitForm::measure() {
+/// Modes may be off by what the rounding of places and velocities makes of them across the rows, ten times: those of fast ones are asked
+/// for more finely than the places that hold them are known. An integral of a multiplier may be off by as much as moves velocities, or
+/// coordinates, by their tolerances.
+void VehicleImplicitForm::measure(const double* y) {
   const SparseRows& G = system_.G();
+  const double of_Q = 10.0 * kEpsilon * largest(y, nq_), of_U = 10.0 * kEpsilon * largest(y + nq_, nv_);
+  std::ranges::copy(asked_, absolute_.begin());
+  for (int i = 0; i < rows_; ++i) {
+    double squares = 0.0;
+    for (int e = G.start[at(i)]; e < G.start[at(i + 1)]; ++e) squares += G.value[at(e)] * G.value[at(e)];
+    for (int e = G.start[at(i)]; e < G.start[at(i + 1)] && squares > 0.0; ++e) {
+      const int j = G.column[at(e)], eta = eta_of_[at(j)];
+      if (eta < 0) continue;
+      const double share = std::abs(G.value[at(e)]) / squares;
+      absolute_[at(eta)] = std::max(absolute_[at(eta)], share * of_Q);
+      absolute_[at(nq_ + j)] = std::max(absolute_[at(nq_ + j)], share * of_U);
+    }
+  }
   for (int i = 0; i < rows_; ++i) {
     double size = 0.0, velocity = 0.0, place = 0.0;
     for (int e = G.start[at(i)]; e < G.start[at(i + 1)]; ++e) {

@@ -39,7 +39,7 @@ class VehicleImplicitForm final : public ImplicitForm {
  private:
   void find_pattern();
   void place(double t, const double* Q, const double* U);
-  void measure();
+  void measure(const double* y);
   bool evaluate(double t, const double* y, const double* ydot, double* F);
 
   std::shared_ptr<const Model> model_;
@@ -52,7 +52,8 @@ class VehicleImplicitForm final : public ImplicitForm {
   int nq_, nv_, rows_;              // of the bodies
   std::vector<int> quaternions_;    // where they are in Q
   std::vector<std::uint8_t> kept_;  // rows that count: those of the last start
-  std::vector<double> absolute_, q_, v_, moved_, given_q_, given_v_;
+  std::vector<int> eta_of_;         // of each velocity of the bodies, where the coordinate of its mode is in Q; -1: it is no mode's
+  std::vector<double> asked_, absolute_, q_, v_, moved_, given_q_, given_v_;
   std::vector<std::vector<int>> pattern_;
 };
 
