@@ -197,17 +197,17 @@ Json to_json(const Families<cardan_field_family>::Entry& e) {
 
 std::string list_text(const Json& types) {
   std::string out = "bodies (keys: docs/scenario.md)\n";
-  for (const Json& b : types["bodies"]) out += fmt::format("  {:<16}{}\n", b["type"].get<std::string>(), b["summary"].get<std::string>());
+  for (const Json& b : types["bodies"]) out += fmt::format("  {:<23} {}\n", b["type"].get<std::string>(), b["summary"].get<std::string>());
   out += "\nhinges                dof\n";
   for (const Json& h : types["hinges"])
     out += fmt::format("  {:<20}{:>3}  {}\n", h["type"].get<std::string>(), h["velocities"].size(), h["summary"].get<std::string>());
   out += "\nhinge loads\n";
   for (const Json& l : types["hinge_loads"])
-    out += fmt::format("  {:<16}{}\n", l["type"].get<std::string>(), l["summary"].get<std::string>());
+    out += fmt::format("  {:<23} {}\n", l["type"].get<std::string>(), l["summary"].get<std::string>());
   out += "\ndevices\n";
-  for (const Json& d : types["devices"]) out += fmt::format("  {:<16}{}\n", d["type"].get<std::string>(), d["summary"].get<std::string>());
+  for (const Json& d : types["devices"]) out += fmt::format("  {:<23} {}\n", d["type"].get<std::string>(), d["summary"].get<std::string>());
   out += "\nfields\n";
-  for (const Json& f : types["fields"]) out += fmt::format("  {:<24}{}\n", f["type"].get<std::string>(), f["summary"].get<std::string>());
+  for (const Json& f : types["fields"]) out += fmt::format("  {:<23} {}\n", f["type"].get<std::string>(), f["summary"].get<std::string>());
   return out + "\ncardan types NAME tells the parameters and the names of the components.\n";
 }
 

@@ -208,9 +208,9 @@ TEST(CommandLine, BashCompletesCommandsOptionsAndFiles) {
 TEST(CommandLine, ListsTheTypesWithTheirParameters) {
   const Finished list = cardan({"types"});
   EXPECT_EQ(list.exit_code, 0) << list.err;
-  for (const char* part :
-       {"  rigid ", "  modal_flexible ", "  revolute              1  rotation about one axis\n", "  free                  6  ",
-        "\nhinge loads\n  stop            pushes back", "\n  friction        against the rate"})
+  for (const char* part : {"  rigid ", "  modal_flexible ", "  revolute              1  rotation about one axis\n",
+                           "  free                  6  ", "\nhinge loads\n  stop                    pushes back",
+                           "\n  friction                against the rate", "\n  radiation_pressure      pressure of light"})
     EXPECT_TRUE(has(list.out, part)) << part << "\n" << list.out;
   EXPECT_EQ(cardan({"types", "friction"}).out,
             "hinge load friction: against the rate, smoothed about zero over `width`: what is held creeps below it\n"
