@@ -39,6 +39,16 @@ bool same_params(const Model& before, const Device& was, const Model& after, con
                             after.spec->devices[static_cast<std::size_t>(is.spec)].params, same);
 }
 
+/// Which line of the model before an input with a delay goes on with; -1: none.
+int line_before(const Model& before, const ModelMap& map, const DelayLine& is) {
+  const auto same = [&](const DelayLine& was) {
+    return map.in[static_cast<std::size_t>(was.input)] == is.input && map.device[static_cast<std::size_t>(was.clock)] == is.clock &&
+           was.ticks == is.ticks && was.latency == is.latency;
+  };
+  const auto found = std::ranges::find_if(before.devices.delays, same);
+  return found == before.devices.delays.end() ? -1 : static_cast<int>(found - before.devices.delays.begin());
+}
+
 /// What the run, its outputs and whoever holds an index may refer to is still there.
 void expect_all_of(const Model& before, const ModelMap& map, const Model& after) {
   for (std::size_t i = 0; i < map.body.size(); ++i) {
@@ -59,9 +69,11 @@ void expect_all_of(const Model& before, const ModelMap& map, const Model& after)
     if (a.family->tick && (x.rate != y.rate || x.period != y.period))
       refuse_model("devices." + a.name + ".rate", "the rate that it had", "another one");
   }
-  for (const Model* m : {&before, &after})
-    if (!m->devices.delays.empty() || !m->devices.timeouts.empty())
-      refuse_model("devices", "no inputs with delay, latency or timeout", "some: what they remember hangs on the model");
+  for (const DelayLine& line : after.devices.delays)
+    if (line_before(before, map, line) < 0)
+      for (const Device& d : after.devices.all)
+        if (line.input >= d.in && line.input < d.in + d.n_in)
+          refuse_model("devices." + d.name + ".inputs", "the delay or latency that they had", "another one");
   for (const Device& d : after.devices.all)
     if (d.family->tick && before.devices.find(d.name) < 0)
       refuse_model("devices." + d.name, "no further device with a sampled part", fmt::format("one of type {}", d.family->type));
@@ -136,12 +148,23 @@ void Simulation::take_in() {
   const std::unique_ptr<DeviceForces> devices = std::move(devices_);
   const std::vector<Prescribed> prescribed = std::move(prescribed_);
   const std::vector<PrescribedLoop> prescribed_loops = std::move(prescribed_loops_);
+  const std::vector<Line> lines = std::move(lines_);
+  const std::vector<double> delayed = std::move(delayed_), last_set = std::move(last_set_);
   std::vector<NodeWrench> given(wrenches_.begin() + before->devices.n_loads, wrenches_.end());
   workspace_ = Workspace(*model_);
   build();
   for (std::size_t i = 0; devices && i < devices->commands.size(); ++i)
     if (map.in[i] >= 0) devices_->commands[static_cast<std::size_t>(map.in[i])] = devices->commands[i];
   alter_ports();
+  for (std::size_t i = 0; i < lines_.size(); ++i)
+    std::copy_n(delayed.begin() + lines[static_cast<std::size_t>(line_before(*before, map, model_->devices.delays[i]))].first,
+                lines_[i].ticks, delayed_.begin() + lines_[i].first);
+  for (std::size_t k = 0; k < last_set_.size(); ++k) {
+    last_set_[k] = state_.t;
+    for (std::size_t i = 0; i < last_set.size(); ++i)
+      if (map.in[static_cast<std::size_t>(before->devices.timeouts[i].input)] == model_->devices.timeouts[k].input)
+        last_set_[k] = last_set[i];
+  }
   for (const Prescribed& p : prescribed)
     for (Prescribed& now : prescribed_)
       if (p.given && map.v[static_cast<std::size_t>(p.index)] == now.index) now.profile = p.profile, now.given = true;

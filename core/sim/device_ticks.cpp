@@ -48,8 +48,9 @@ void Simulation::sample_devices(bool late) {
     if (std::ranges::any_of(model_->devices.delays, [&](const DelayLine& line) { return line.clock == static_cast<int>(i); })) {
       Rational offset;
       const Rational period = period_of(model_->devices.all[i], &offset);
+      const int id = id_of(now_.device, static_cast<int>(i));
       add_task(
-          period, offset, [this, i] { sample_delays(static_cast<int>(i)); }, false, id_of(now_.device, static_cast<int>(i)));
+          period, offset, [this, id] { sample_delays(now_.device[static_cast<std::size_t>(id)]); }, false, id);
     }
 }
 

@@ -36,9 +36,20 @@ SystemSpec vehicle() {
   return spec;
 }
 
+/// The same where what gyros tell is under way for 1.25 s, and a command holds for 0.9 s: beyond the instant of a change.
+SystemSpec that_remembers() {
+  SystemSpec spec = vehicle();
+  DeviceSpec jet = device("jet", "thruster", {{"thrust", 0.3}, {"specific_impulse", 200.0}}, {{"at", "arm"}});
+  jet.params["direction"].value = std::vector<double>{0.0, 0.6, 0.8};
+  jet.inputs["command"] = {.value = "gyro.valid", .at = {}, .delay = 10};
+  spec.devices.push_back(jet);
+  spec.devices[1].inputs["torque"] = {.value = 0.0, .at = {}, .safe = -0.02, .timeout = 0.9};
+  return spec;
+}
+
 /// The same with all lists the other way round where they can be, and something new before what was there.
 SystemSpec turned_over() {
-  SystemSpec spec = vehicle();
+  SystemSpec spec = that_remembers();
   std::reverse(spec.bodies.begin() + 1, spec.bodies.end());
   std::reverse(spec.devices.begin(), spec.devices.end());
   return spec;
@@ -89,7 +100,7 @@ struct ChangingScene {
 };
 
 TEST(Adopt, TheSameVehicleInAnotherOrderMovesOnAsItDid) {
-  ChangingScene plain(vehicle()), changed(vehicle());
+  ChangingScene plain(that_remembers()), changed(that_remembers());
   changed.adopt_at({1, 2}, turned_over());
   plain.sim.run(1.5), changed.sim.run(1.5);
   ASSERT_TRUE(changed.adopted);
@@ -105,8 +116,8 @@ TEST(Adopt, TheSameVehicleInAnotherOrderMovesOnAsItDid) {
 }
 
 TEST(Adopt, TheSameModelChangesNoBitOfAMethodWithoutMemory) {
-  ChangingScene plain(vehicle()), changed(vehicle());
-  changed.adopt_at({1, 2}, vehicle());
+  ChangingScene plain(that_remembers()), changed(that_remembers());
+  changed.adopt_at({1, 2}, that_remembers());
   plain.sim.run(1.5), changed.sim.run(1.5);
   ASSERT_TRUE(changed.adopted);
   EXPECT_TRUE(plain.sim.state().q == changed.sim.state().q && plain.sim.state().v == changed.sim.state().v);
@@ -165,8 +176,8 @@ TEST(Adopt, ARunThatHadAnotherVehicleIsNotResumedWithOne) {
 
 TEST(Adopt, WhatTheRunMayReferToMustBeThere) {
   const auto refused = [](const auto& change) {
-    ChangingScene scene(vehicle());
-    SystemSpec other = vehicle();
+    ChangingScene scene(that_remembers());
+    SystemSpec other = that_remembers();
     change(other);
     const auto model = compiled(other, {.node_wrenches = true, .world_wrenches = true});
     try {
@@ -193,6 +204,11 @@ TEST(Adopt, WhatTheRunMayReferToMustBeThere) {
               s.devices.push_back(more);
             }),
             "C0403 devices.second");
+  EXPECT_EQ(refused([](SystemSpec& s) {
+              for (DeviceSpec& d : s.devices)
+                if (d.name == "jet") d.inputs["command"].delay = 9;
+            }),
+            "C0403 devices.jet.inputs");
 }
 
 }  // namespace
