@@ -17,8 +17,8 @@ struct TapeSpring {
     double peak, peak_angle, steady, width, damping, rest;
   };
   static constexpr cardan_param_desc schema[] = {
-      param::positive(param::required("peak_moment", CARDAN_NUMBER, "N m", "the largest, at peak_angle")),
-      param::positive(param::required("peak_angle", CARDAN_NUMBER, "rad", "where it snaps")),
+      param::positive(param::required("peak_moment", CARDAN_NUMBER, "N m", "at peak_angle; the largest is a little beyond")),
+      param::positive(param::required("peak_angle", CARDAN_NUMBER, "rad", "about where it snaps")),
       param::positive(param::required("steady_moment", CARDAN_NUMBER, "N m", "of the folded blade")),
       param::not_negative(param::optional("damping", CARDAN_NUMBER, "N m s/rad", "of its motion")),
       param::optional("rest", CARDAN_NUMBER, "rad", "the angle at which it is straight")};
