@@ -31,10 +31,9 @@ class ModalReader {
       if (kind == 4) source.model = read_matrices(value);
       if (kind == 5) source.model = read_solid(value);
       if (kind <= 1 || kind >= 4) read_solution(map, source);
-      const auto* matrices = std::get_if<MatrixModel>(&source.model);
-      const auto ratios = map.is_map() ? map.find("damping") : std::nullopt;
-      if (matrices && !matrices->damping.empty() && ratios)
-        context_.sink.report(Code::wrong_type, ratios->at(), "one of damping and matrices.damping alone", "both");
+      if (const auto* matrices = std::get_if<MatrixModel>(&source.model); matrices && !matrices->damping.empty() && map.is_map())
+        if (const auto ratios = map.find("damping"))
+          context_.sink.report(Code::wrong_type, ratios->at(), "one of damping and matrices.damping alone", "both");
     }
     if (form || !map.is_map()) map.finish();
     return source;
