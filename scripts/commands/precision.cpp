@@ -249,6 +249,7 @@ int precision(const PrecisionArguments& a) {
   question.wanted = a.wanted;
   if (a.wanted && !(*a.wanted > 0.0 && std::isfinite(*a.wanted))) wrong_option("--wanted", "an error > 0", fmt::format("{:g}", *a.wanted));
   for (const std::string& text : a.budgets) question.budgets.push_back(budget_of(text));
+  if (a.whole_model && a.budgets.empty()) wrong_option("--whole-model", "--budget beside it", "none");
   std::vector<std::size_t> columns;
   for (const std::string& name : a.kinds) columns.push_back(kind_named("--kinds", name));
   std::vector<PrecisionSetting> methods = precision_methods(a.methods);

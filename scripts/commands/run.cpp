@@ -70,8 +70,8 @@ RecordedRun job_of(const RunArguments& a) {
     if (!a.scenario.settings.empty() || !a.scenario.settings_files.empty() || !a.scenario.seed.empty() || (a.until && !resumes) ||
         a.check_against_reference)
       wrong_line(resumes ? "--resume" : "--again",
-                 resumes ? "the run as it was: beside --resume only --at, --until, --out, --quiet and --json-errors"
-                         : "the run as it was: beside --again only --out, --quiet and --json-errors",
+                 resumes ? "the run as it was: beside --resume only --at, --until, --out, --quiet, --no-report, --profile and --json-errors"
+                         : "the run as it was: beside --again only --out, --quiet, --no-report, --profile and --json-errors",
                  "an option that changes it");
     job = resumes ? read_run_to_resume(a.resume, a.at) : read_recorded_run(a.again);
     if (a.until) job.until = a.until;

@@ -437,6 +437,9 @@ TEST_F(Precision, WrongOptionsAreRefusedBeforeAnythingRuns) {
   EXPECT_EQ(refusal({"--measure", "mean"}),
             "error[C0801]: wrong command line\n  at: --measure\n  expected: a measure: final, l2, largest\n  got:      \"mean\"\n\n"
             "1 error. Nothing was run.\n");
+  EXPECT_EQ(refusal({"--whole-model"}),
+            "error[C0801]: wrong command line\n  at: --whole-model\n  expected: --budget beside it\n  got:      none\n\n"
+            "1 error. Nothing was run.\n");
   EXPECT_EQ(refusal({"--budget", "attitude"}),
             "error[C0801]: wrong command line\n  at: --budget\n  expected: KIND=ERROR: attitude=\"1e-6 rad\"\n  got:      \"attitude\"\n\n"
             "1 error. Nothing was run.\n");
