@@ -151,6 +151,7 @@ Momentum Observer::momentum() const {
     m.angular += angular;
     m.linear_magnitude += linear.norm();
     m.angular_magnitude += angular.norm();
+    m.angular_parts += to_eigen(ws_.pose_W(k).p).norm() * linear.norm() + to_eigen(h.n).norm();
     m.mass += M.m;
     m.com += to_eigen(M.m * ws_.pose_W(k).p + ws_.pose_W(k).R * M.h);
   }

@@ -31,6 +31,7 @@ struct Momentum {
   Eigen::Vector3d com = Eigen::Vector3d::Zero();           // [m] mass centre, world axes
   double mass = 0.0;                                       // [kg]
   double linear_magnitude = 0.0, angular_magnitude = 0.0;  // sums of the magnitudes over bodies
+  double angular_parts = 0.0;  // [N m s] the same, place times momentum and what is about the body's own origin each by itself
 };
 
 /// Forces on the system from outside and the power they bring in, for the ledgers of momentum and energy.

@@ -61,7 +61,7 @@ const LedgerState& Balances::look(const Momentum& p, const Energy& e, const Inte
                                          2.0 * relative * scale_[2] + 2.0 * std::sqrt(scale_[2] * least_[2]) + least_[2]};  // of a square
   const std::array<double, 3> integrals = {(off + off_).head<3>().norm(), (off + off_).segment<3>(3).norm(), off[6] + off_[6]};
   // Of what flies away from the world's origin place and velocity are nearly parallel, and their product is small beside its rounding.
-  const std::array<double, 3> rounded = {scale_[0], std::max(scale_[1], p.com.norm() * p.linear_magnitude), scale_[2]};
+  const std::array<double, 3> rounded = {scale_[0], std::max(scale_[1], p.angular_parts), scale_[2]};
   for (std::size_t i = 0; i < 3; ++i) {
     const Row& row = kRows[i];
     const bool moves = !(scale_[i] <= least_[i]);
