@@ -57,6 +57,21 @@ struct Sunlight {
     return {arc_cosine(x.x), std::abs(x.x) < 1.0 ? -x.d / std::sqrt(1.0 - x.x * x.x) : 0.0};
   }
 
+  static double arc_tangent(double y, double x) noexcept { return std::atan2(y, x); }
+  static Tangent arc_tangent(const Tangent& y, const Tangent& x) noexcept {
+    return {std::atan2(y.x, x.x), (x.x * y.d - y.x * x.d) / (x.x * x.x + y.x * y.x)};
+  }
+  /// z - sin z, z >= 0: twice the segment of a disc of radius 1 whose ends are z apart. Small ones by the series: of a disc that is far
+  /// larger than the other nothing would be left of the difference.
+  template <class T>
+  static T less_sine(const T& z) noexcept {
+    using std::sin;
+    if (!(z < T(0.5))) return z - sin(z);
+    T sum(1.0);
+    for (int k = 8; k > 1; --k) sum = T(1.0) - z * z / T(2.0 * k * (2 * k + 1)) * sum;
+    return z * z * z / T(6.0) * sum;
+  }
+
   /// Angles at which a point sees things: the radii of both discs, and from one to the other.
   template <class T>
   struct Discs {
@@ -91,10 +106,10 @@ struct Sunlight {
     if (!(c < a + b)) return T(1.0);
     if (c < b - a) return T(0.0);
     if (c < a - b) return T(1.0) - b * b / (a * a);
-    const T x = (c * c + a * a - b * b) / (T(2.0) * c), square = a * a - x * x;
-    const T y = square > T(0.0) ? sqrt(square) : T(0.0);  // where the discs touch rounding decides
-    const T hidden = a * a * arc_cosine(x / a) + b * b * arc_cosine((c - x) / b) - c * y;
-    return T(1.0) - hidden / (T(std::numbers::pi) * a * a);
+    const T square = (a + b - c) * (a + b + c) * (c + a - b) * (c + b - a);  // Heron; where the discs touch rounding decides
+    const T chord = square > T(0.0) ? sqrt(square) : T(0.0);
+    const T of_sun = arc_tangent(chord, (c - b) * (c + b) + a * a), of_sphere = arc_tangent(chord, (c - a) * (c + a) + b * b);
+    return T(1.0) - (less_sine(T(2.0) * of_sun) + b * b / (a * a) * less_sine(T(2.0) * of_sphere)) / T(2.0 * std::numbers::pi);
   }
 
   static int prepare(const Packed& p, double t, Prepared& out) {

@@ -808,6 +808,29 @@ TEST(FieldsOfDevices, EdgesOfAShadowEndSteps) {
   }
 }
 
+// Of two discs one of which is far larger, its edge is straight: the part of the smaller one beyond it is (acos u - u sqrt(1 - u^2)) / pi,
+// u the distance of its middle from the edge over its radius, but for the ratio of the radii.
+TEST(Sunlight, KeepsItsDigitsBehindDiscsOfAnySize) {
+  const cardan_field_family& f = *registry().field("sunlight");
+  for (const auto& [a, R] : {std::pair(1e-6, 6378.137e3), {1e-4, 6378.137e3}, {4.6524e-3, 50.0}, {0.3, 200.0}}) {
+    ParamTable values;
+    values.numbers = {{"irradiance", {1.0}}, {"direction", {-1, 0, 0}}, {"radius", {R}}, {"disc", {a}}, {"centre", {0, 0, 0}}};
+    std::vector<double> packed(f.params_size / sizeof(double) + 1);
+    const cardan_param_values view = values.view();
+    ASSERT_EQ(f.pack(&view, packed.data()), 0);
+    const double far = 7e6, b = std::asin(R / far), small = std::min(a, b), large = std::max(a, b);
+    for (const double u : {-0.99, -0.5, -0.1, 0.0, 0.3, 0.7, 0.99}) {
+      const double c = large + u * small, x[3] = {far * std::cos(c), far * std::sin(c), 0.0};
+      const cardan_field_args args{sizeof args, 0.0, packed.data(), nullptr};
+      double value[3], beyond = (std::acos(u) - u * std::sqrt(1.0 - u * u)) / std::numbers::pi;
+      ASSERT_EQ(f.evaluate(&args, 1, x, value, nullptr), 0);
+      const double hidden = a < b ? beyond : beyond * b * b / (a * a);
+      EXPECT_NEAR(value[0], 1.0 - hidden, (a < b ? 1.0 : b * b / (a * a)) * small / large + 1e-9 * std::min(1.0, 1e-6 / a))
+          << a << " " << u;
+    }
+  }
+}
+
 // There the cosine of the angle between Sun and planet is 1, and rounding may carry it beyond.
 TEST(Sunlight, IsDarkInTheMiddleOfTheShadow) {
   const cardan_field_family& f = *registry().field("sunlight");
