@@ -297,6 +297,7 @@ void DenseTwin<T>::add_nodal_body(DenseState<T>& s, int k) const {
     gravity += wrench<T>(arm * pull + torque, pull);
   }
   s.total_mass += mass;
+  s.pull_squared += gravity.tail(3).squaredNorm() / mass;
   s.com += mass * (B.x + centre);
   s.gravity_energy += field.energy(mass, S);
   s.add(b.moving, M, bias_v, gravity_v);
@@ -348,6 +349,7 @@ void DenseTwin<T>::add_modal_body(DenseState<T>& s, int k) const {
   };
   s.add(b.moving, projected(MJ), projected(bias), projected(gravity));
   s.total_mass += mass;
+  s.pull_squared += pull.squaredNorm() / mass;
   s.com += mass * (B.x + B.R * centre);
   s.gravity_energy += field.energy(mass, S);
   MatX<T> W(6, n);

@@ -48,6 +48,7 @@ class DenseState {
   MatX<T> M;                                                                 // nv x nv
   VecX<T> bias, gravity_force, elastic_force, hinge_force, qdot;             // elastic: modes; hinge: springs and dampers
   T total_mass{0}, kinetic_energy{0}, gravity_energy{0}, elastic_energy{0};  // elastic: modes and hinge springs
+  T pull_squared{0};                                                         // [N^2/kg] of gravity, over the mass, sum over bodies
   Vec3<T> com, linear_momentum, angular_momentum;                            // world axes, about the world's origin
   std::vector<Frame<T>> bodies;                                              // frame B of each
 

@@ -29,6 +29,8 @@ constexpr double kSound = 1e-10;
 constexpr double kSingular = 1e3;
 /// Roundings of products of velocities, in 113 bits, below which a difference is none.
 constexpr double kRounded = 1e3;
+/// Roundings of attitudes, in double, by which what hangs at rest may be pulled aside: one for each body on the way, some for its axes.
+constexpr double kAside = 1e2;
 
 /// Largest |v' - v'_twin| over the largest |v'| that any one force (gravity, velocity terms, springs, modes, commands)
 /// causes by itself: v' may be small because large forces cancel, and rounding is of the size of each of them. Infinite
@@ -68,6 +70,10 @@ double difference(Simulation& sim, TwinDynamics<T>& twin, bool& sound) {
     const VecX<T> products = v.cwiseAbs().maxCoeff() * (state.M * v).cwiseAbs();
     const double rounding = static_cast<double>(std::numeric_limits<T>::epsilon());
     if (apart <= kRounded * rounding * largest(unit.cwiseProduct(M.solve(VecX<T>(unit.cwiseProduct(products)))))) return 0.0;
+    // Of what hangs at rest gravity's force is zero, but for the rounding of attitudes times what it is across: no more than the root of
+    // the diagonal of M times that of the sum of m g^2 (Cauchy-Schwarz).
+    const VecX<T> across = VecX<T>::Constant(vdot.size(), sqrt(state.pull_squared));
+    if (apart <= kAside * std::numeric_limits<double>::epsilon() * largest(unit.cwiseProduct(M.solve(across)))) return 0.0;
   }
   const double relative = apart / scale;
   return std::isfinite(relative) ? relative : HUGE_VAL;
