@@ -357,7 +357,9 @@ InertiaFault inertia_fault(const Eigen::Matrix3d& I, bool point) {
   const std::string moments = fmt::format("{:.6g}, {:.6g}, {:.6g} kg m^2 about the mass centre", p[2], p[1], p[0]);
   if (point ? p[0] < -kTriangleTolerance * p[2] : !(p[0] > 0.0))
     return {point ? "principal moments >= 0" : "principal moments > 0", moments,
-            p[2] == 0.0 ? "a body without extent is `type: particle`" : ""};
+            p[2] == 0.0   ? "a body without extent is `type: particle`"
+            : p[0] == 0.0 ? "a thin rod turns about its own axis too: give it a small moment there, a millionth of the others"
+                          : ""};
   const double excess = p[2] - p[0] - p[1];
   if (!(excess > (p[0] + p[1]) * kTriangleTolerance)) return {};
   InertiaFault fault{"principal moments that satisfy the triangle inequality",

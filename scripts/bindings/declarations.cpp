@@ -122,22 +122,23 @@ int check(lua_State* L, Scenario& s) {
   Measure m = measure(d);
   LuaTable& t = d.table();
   const std::string unit = m.unit == "1" ? "" : " " + m.unit;
-  int n = 0;  // limits are numbers in the unit of the check
-  if (const auto x = t.number("below")) m.high = *x, m.condition = fmt::format("below {:.6g}{}", *x, unit), ++n;
-  if (const auto x = t.number("above")) m.low = *x, m.condition = fmt::format("above {:.6g}{}", *x, unit), ++n;
+  // Limits are numbers in the unit of the check.
+  if (const auto x = t.number("below")) m.high = *x, m.condition = fmt::format("below {:.6g}{}", *x, unit);
+  if (const auto x = t.number("above")) m.low = *x, m.condition = fmt::format("above {:.6g}{}", *x, unit);
   if (const auto x = t.numbers("within", 2)) {
-    m.low = (*x)[0], m.high = (*x)[1], ++n;
+    m.low = (*x)[0], m.high = (*x)[1];
     m.condition = fmt::format("within {:.6g} ... {:.6g}{}", m.low, m.high, unit);
     if (!(m.low <= m.high)) t.reject("within", "{smallest, largest}");
   }
-  if (auto equal = t.table("equal")) {  // {x, tolerance = ...}
+  if (auto equal = t.table("equal", "{x, tolerance = ...}")) {
     const double x = equal->first().value_or(0.0), tolerance = equal->number("tolerance").value_or(0.0);
     if (!(tolerance >= 0.0)) equal->reject("tolerance", "a number >= 0");
     equal->finish();
-    m.low = x - tolerance, m.high = x + tolerance, ++n;
+    m.low = x - tolerance, m.high = x + tolerance;
     m.condition = fmt::format("equal to {:.6g} within {:.3g}{}", x, tolerance, unit);
   }
-  if (n != 1) t.reject("below", "exactly one of below, above, within, equal");
+  if (t.has("below") + t.has("above") + t.has("within") + t.has("equal") != 1)
+    t.reject("below", "exactly one of below, above, within, equal");
   d.finish();
   s.checks.push_back(std::move(m));
   return 0;

@@ -178,18 +178,18 @@ int mission(lua_State* L, Scenario& s) {
   s.mission.title = t.text("title").value_or("");
   s.mission.duration = t.number("duration", "s").value_or(1.0);
   if (!(s.mission.duration > 0.0)) t.reject("duration", "a time > 0");
-  const auto part = [&](const char* key) {  // an absent table is an empty one: its defaults are used
+  const auto part = [&](const char* key, const char* example) {  // an absent table is an empty one: its defaults are used
     if (!t.has(key)) {
       lua_newtable(L);
       lua_setfield(L, 1, key);
     }
-    return t.table(key);
+    return t.table(key, fmt::format("a table, such as {{ {} }}", example));
   };
   if (const auto dynamics = t.choice("dynamics", dynamics_names()))
     s.mission.simulation.dynamics = static_cast<Dynamics>(std::ranges::find(dynamics_names(), *dynamics) - dynamics_names().begin());
-  if (auto i = part("integrator")) read_integrator(*i, s.mission);
-  if (auto o = part("output")) read_output(*o, L, s);
-  if (auto c = part("checkpoint")) read_checkpoint(*c, L, s.mission);
+  if (auto i = part("integrator", "method = \"dop853\"")) read_integrator(*i, s.mission);
+  if (auto o = part("output", "rate = \"10 Hz\"")) read_output(*o, L, s);
+  if (auto c = part("checkpoint", "period = \"1 min\"")) read_checkpoint(*c, L, s.mission);
   const auto ledger = t.flag("ledger");
   s.mission.simulation.ledger = ledger.value_or(true);
   if (!ledger) s.mission.defaults_used.emplace_back("mission.ledger", "true");

@@ -179,10 +179,10 @@ std::optional<LuaFunction> LuaTable::function(const std::string& key) {
   return {};
 }
 
-std::optional<LuaTable> LuaTable::table(const std::string& key) {
+std::optional<LuaTable> LuaTable::table(const std::string& key, std::string expected) {
   const int type = get(key);
   if (type == LUA_TTABLE) return LuaTable(L_, -1, path_of(key), *sink_);  // stays on the stack while it is read
-  if (type != LUA_TNIL) report(path_of(key), "a table", describe_value(L_, -1));
+  if (type != LUA_TNIL) report(path_of(key), std::move(expected), describe_value(L_, -1));
   lua_pop(L_, 1);
   return {};
 }

@@ -34,7 +34,7 @@ class LuaTable {
   std::optional<std::string> choice(const std::string& key, const std::vector<std::string>& words);
   std::optional<bool> flag(const std::string& key);
   std::optional<LuaFunction> function(const std::string& key);
-  std::optional<LuaTable> table(const std::string& key);
+  std::optional<LuaTable> table(const std::string& key, std::string expected = "a table");
   /// The tables of an array; entry i has the path "phases[i]".
   std::vector<LuaTable> tables(const std::string& key);
 

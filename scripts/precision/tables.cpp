@@ -139,8 +139,13 @@ std::string precision_table(const PrecisionStudy& study, const std::vector<std::
   for (const std::size_t k : kinds) text += fmt::format("  {:>{}} ", unit_text(k), kColumn - 3);
   while (text.back() == ' ') text.pop_back();
   text += "\n";
-  for (const PrecisionRow& row : study.rows)
-    if (!row.folder.empty()) text += precision_line(row, study, kinds, measure, w);
+  const PrecisionRow* failed = nullptr;
+  for (const PrecisionRow& row : study.rows) {
+    if (row.folder.empty()) continue;
+    if (failed && row.failure == failed->failure && row.setting.solver() == failed->setting.solver()) continue;  // of a whole ladder once
+    text += precision_line(row, study, kinds, measure, w);
+    failed = row.failure.empty() ? nullptr : &row;
+  }
   if (study.reference.runs.size() == 2) {
     text += fmt::format("{:<{}}", "reference: off by", left_of_errors(w));
     for (const std::size_t k : kinds) {

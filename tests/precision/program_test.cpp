@@ -281,6 +281,17 @@ TEST_F(Precision, EachFormulationIsACurve) {
             "  got:      \"all\" beside others\n\n1 error. Nothing was run.\n");
 }
 
+TEST_F(Precision, WhatFailsAlikeAtEachToleranceHasOneLine) {
+  scene(replaced(replaced(kMission, "8 s", "0.1 s"), "1 Hz", "10 Hz"), kFourBar);
+  const Finished run =
+      precision({"--methods", "exponential,dop853", "--tolerances", "1e-6,1e-8,1e-11", "--formulations", "standard", "--quiet"});
+  ASSERT_EQ(run.exit_code, 0) << run.out << run.err;
+  const std::size_t first = run.out.find("failed: C0401");
+  ASSERT_NE(first, std::string::npos) << run.out;
+  EXPECT_EQ(run.out.find("failed: C0401", first + 1), std::string::npos) << run.out;
+  EXPECT_TRUE(row("exponential", "1e-11")["failure"].get<std::string>().starts_with("C0401")) << "the file has all";
+}
+
 TEST_F(Precision, TheReferenceIsIn113BitsWhereTheSceneHasThem) {
   scene();
   const std::vector<std::string> one = {"--methods", "dop853", "--tolerances", "1e-12", "--repeat", "1", "--quiet"};
