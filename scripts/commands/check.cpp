@@ -4,6 +4,7 @@
 #include "core/sim/expected_stiffness.hpp"
 #include "scripts/bindings/open.hpp"
 #include "scripts/commands/commands.hpp"
+#include "scripts/commands/gathered_warnings.hpp"
 #include "scripts/commands/streams.hpp"
 #include "scripts/mission/examine.hpp"
 #include "scripts/mission/mission_run.hpp"
@@ -39,7 +40,7 @@ void add_check(CommandLine& line) {
                s->sequences.empty() ? "" : ", " + count(s->sequences.all().size(), "sequence"), s->mission.duration,
                s->warnings.empty() ? "" : fmt::format(", {}", count(s->warnings.all().size(), "warning")));
     if (!elsewhere.empty() && s->mission.checkpoint_period) fmt::print("{}", kept_elsewhere_text(elsewhere));
-    complain(render(s->warnings));
+    complain(told(s->warnings));
     return 0;
   });
 }

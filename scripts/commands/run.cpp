@@ -5,6 +5,7 @@
 #include <ctime>
 #include <filesystem>
 #include <limits>
+#include <map>
 #include <new>
 
 #include "core/base/activity.hpp"
@@ -17,6 +18,7 @@
 #include "core/sim/reference_check.hpp"
 #include "scripts/bindings/open.hpp"
 #include "scripts/commands/commands.hpp"
+#include "scripts/commands/gathered_warnings.hpp"
 #include "scripts/commands/interrupt.hpp"
 #include "scripts/commands/progress.hpp"
 #include "scripts/commands/streams.hpp"
@@ -393,15 +395,14 @@ class RunCommand {
   void tell_warnings() {
     if (arguments_.quiet || arguments_.json_errors) return;
     scenario_->sim->on_warning([this](const Warning& w) { tell_warning(w); });
-    for (const Warning& w : scenario_->warnings.all()) tell_warning(w);
+    for (const Warning& w : gathered(scenario_->warnings.all())) tell_warning(w);
     told_ = scenario_->warnings.all().size();
   }
 
   /// What the end of the run added to those of the input.
   void tell_late_warnings() const {
     if (arguments_.quiet) return;
-    const std::vector<Warning>& all = scenario_->warnings.all();
-    for (std::size_t i = told_; i < all.size(); ++i) tell_warning(all[i]);
+    for (const Warning& w : gathered(std::span(scenario_->warnings.all()).subspan(told_))) tell_warning(w);
   }
   void tell_warning(const Warning& w) const {
     if (progress_) progress_->clear();
@@ -410,11 +411,11 @@ class RunCommand {
 
   /// How many there were of each.
   std::string count_of_warnings() const {
+    std::map<std::string_view, long> counts;
+    for (const Warning& w : summary_.warnings.all()) counts[number_of(w.what.code)] += w.count;
     std::string codes;
-    for (const Warning& w : summary_.warnings.all()) {
-      codes += fmt::format("{}{}", codes.empty() ? "" : ", ", number_of(w.what.code));
-      if (w.count > 1) codes += fmt::format(" ({} times)", w.count);
-    }
+    for (const auto& [code, count] : counts)
+      codes += fmt::format("{}{}{}", codes.empty() ? "" : ", ", code, count > 1 ? fmt::format(" ({} times)", count) : "");
     return codes.empty() ? codes : fmt::format("warnings: {}; see {}\n", codes, (*folder_ / kSummary).string());
   }
 

@@ -164,6 +164,31 @@ TEST_F(Physics, AHingeBesideTheNodesOfAFlexibleBodyIsToldOf) {
   EXPECT_EQ(codes(), "W0306 ");
 }
 
+// What is the same of several bodies, whose sections differ by less than what is written, is told once and counted for each.
+TEST_F(Physics, PiecesThatAreAlikeAreToldOfOnce) {
+  std::string pieces =
+      "cardan: 1\nbodies:\n  hub: {mass: 1, inertia: [1, 1, 1], nodes: {end: {position: [0, 0, 0]}}, hinge: {type: free, to: world}}\n";
+  for (int i = 1; i <= 6; ++i)
+    pieces +=
+        "  piece_" + std::to_string(i) +
+        ": {type: modal_flexible, modal: {beam: {length: 10 cm, material: {E: 70 GPa, rho: 2700}, section: {rectangle: {width: " +
+        (i == 6 ? "4" : "3.000000" + std::to_string(i)) +
+        " cm, height: 2 cm}}}, boundary: craig_bampton, modes: {count: 0}, nodes: {end: {position: [0.1, 0, 0], interface: true}}}, hinge: "
+        "{type: locked, to: " +
+        (i == 1 ? "hub" : "piece_" + std::to_string(i - 1)) + ".end, at: root}}\n";
+  write(pieces);
+  const Finished f = check();
+  const auto times = [&](const std::string& what, const std::string& in) {
+    int n = 0;
+    for (std::size_t at = in.find(what); at != std::string::npos; at = in.find(what, at + 1)) ++n;
+    return n;
+  };
+  EXPECT_EQ(times("warning[W0304]", f.err), 2) << "one piece is wider: " << f.err;
+  EXPECT_TRUE(has(f.err, "the same of piece_2, piece_3, piece_4 and 1 more")) << f.err;
+  EXPECT_TRUE(has(f.err, "\n6 warnings.\n")) << f.err;
+  EXPECT_EQ(times("W0304", codes()), 6);
+}
+
 // ---- rates beyond what linear modes tell ----
 
 TEST_F(Physics, ASpunBoomIsToldOfBeforeTheRun) {
