@@ -121,6 +121,9 @@ class ModeDoubts {
   ModeDoubts(const FeModel& model, const ModalSource& source, Warnings& warnings) : model_(model), source_(source), warnings_(warnings) {
     const RigidShapes R = model.rigid_shapes();
     rigid_ = (R.transpose() * (model.M * R)).diagonal();
+    const double least = kNoInertia * rigid_.head<3>().maxCoeff();
+    for (double& inertia : rigid_.head<3>())
+      if (!(inertia > least)) inertia = INFINITY;  // masses on one line have none about it, and no share of it
   }
 
   /// Of a cantilever: modes that were found but are not kept, below or close above the highest one kept, and what all of them carry.
@@ -208,7 +211,7 @@ class ModeDoubts {
  private:
   using Vector6 = Eigen::Matrix<double, 6, 1>;
   static constexpr double kNear = 1.5, kMatters = 0.1, kLittle = 0.5, kCritical = 1.0, kRounding = 1e-9, kLargeBytes = 5e8,
-                          kElsewhere = 1e-6;
+                          kElsewhere = 1e-6, kNoInertia = 1e-14;
   static const char* direction(Eigen::Index d) {
     constexpr std::array names = {"rotation about x",    "rotation about y",    "rotation about z",
                                   "translation along x", "translation along y", "translation along z"};
@@ -220,7 +223,7 @@ class ModeDoubts {
   const FeModel& model_;
   const ModalSource& source_;
   Warnings& warnings_;
-  Vector6 rigid_;  // [kg m^2 | kg] of the body as it stands, about its origin
+  Vector6 rigid_;  // [kg m^2 | kg] of the body as it stands, about its origin; infinite where it has none
 };
 
 /// What M itself says of the body and of its modes at first order.
@@ -234,6 +237,12 @@ void set_rigid_and_first(const FeModel& model, const Eigen::MatrixXd& shapes, Mo
   I.I7 = A.topLeftCorner<3, 3>();
   I.I3 = first.bottomRows(3);
   I.I4 = first.topRows(3);
+  for (std::size_t k = 0; k < I.I8.size() && I.rotary_ww.empty(); ++k) {  // I8 - I8* = -I4~, which a file of these modes has to obey
+    const Eigen::Vector3d a = I.I4.col(static_cast<Eigen::Index>(k));
+    Eigen::Matrix3d turn;
+    turn << 0, -a.z(), a.y(), a.z(), 0, -a.x(), -a.y(), a.x(), 0;
+    I.I8[k] = (0.5 * (I.I8[k] + I.I8[k].transpose() - turn)).eval();
+  }
 }
 
 /// `shape`: what the mesh was doubtful about.

@@ -24,7 +24,7 @@ using Eigen::MatrixXd;
 using Eigen::Vector3d;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
-constexpr std::size_t kMostNodes = 50'000, kMostDrawnNodes = 300;
+constexpr std::size_t kMostNodes = 50'000, kMostDrawnNodes = 300, kMostDrawnPairs = 5000;
 constexpr int kMostComponentModes = 10'000;
 constexpr double kRigid = 1e-6;         // relative: what matrices printed with seven digits are right to
 constexpr double kSemidefinite = 1e-5;  // of a matrix with a unit diagonal: what rows of matrices printed with seven digits sum up to
@@ -179,7 +179,8 @@ FeModel matrix_mesh(const MatrixModel& source, const std::vector<PointMass>& mas
       for (SparseMatrix::InnerIterator it(model.K, j); it && it.row() < nodal; ++it)
         if (const int a = j / model.per_node, b = static_cast<int>(it.row()) / model.per_node; b > a && it.value() != 0.0)
           coupled[{a, b}] = true;
-    for (const auto& [pair, yes] : coupled) model.lines.push_back({pair.first, pair.second});
+    if (coupled.size() <= kMostDrawnPairs)  // a condensed model couples all its nodes: they are no picture of it
+      for (const auto& [pair, yes] : coupled) model.lines.push_back({pair.first, pair.second});
   }
   model.description = fmt::format("matrices {} and {}, {} nodes", std::filesystem::path(source.mass).filename().string(),
                                   std::filesystem::path(source.stiffness).filename().string(), model.nodes.size());

@@ -19,7 +19,7 @@ using Eigen::Matrix3d;
 using Eigen::MatrixXd;
 using Eigen::Vector3d;
 
-constexpr double kFit = 1e-6;  // of sums that somebody else took, relative to the largest number of their kind
+constexpr double kFit = 1e-6;  // of sums that somebody else took, relative to what they could be at most
 
 [[noreturn]] void bad(const Located& at, std::string expected, std::string got, std::string hint = {}) {
   refuse(at, {}, Code::bad_modal_data, std::move(expected), std::move(got), std::move(hint));
@@ -99,6 +99,13 @@ double smallest_of_mass_matrix(const ModalIntegrals& I) {
   return smallest_eigenvalue(scale.asDiagonal() * M * scale.asDiagonal());
 }
 
+/// What sums over masses could be at most, by Schwarz's inequality: they may be zero, but for rounding.
+struct Largest {
+  double r, phi;  // the roots of sum m r^2 and of the largest sum m phi^2
+  explicit Largest(const ModalIntegrals& I)
+      : r(std::sqrt(std::max(0.5 * I.I7.trace(), 0.0))), phi(std::sqrt(std::max(I.I6.diagonal().maxCoeff(), 0.0))) {}
+};
+
 void compare(const ModalData& data, const Located& at) {
   const auto n = static_cast<Eigen::Index>(data.mass_nodes.size()), m = Eigen::Index{data.n_modes};
   MassField field;
@@ -116,8 +123,8 @@ void compare(const ModalData& data, const Located& at) {
     }
   }
   const ModalIntegrals sum = modal_integrals(field), &given = data.integrals;
-  const auto same = [&](const auto& a, const auto& b, const char* name) {
-    const double scale = std::max(largest(a), largest(b));
+  const auto same = [&](const auto& a, const auto& b, const char* name, double most = 0.0) {
+    const double scale = std::max({largest(a), largest(b), most});
     bool fits = a.size() == b.size();
     for (std::size_t i = 0; fits && i < a.size(); ++i) fits = a[i].size() == 0 || (a[i] - b[i]).cwiseAbs().maxCoeff() <= kFit * scale;
     if (!fits)
@@ -126,13 +133,15 @@ void compare(const ModalData& data, const Located& at) {
   };
   const auto one = [](const auto& A) { return std::vector<MatrixXd>{A}; };
   same(one(MatrixXd::Constant(1, 1, given.I1)), one(MatrixXd::Constant(1, 1, sum.I1)), "I1");
-  same(one(given.I2), one(sum.I2), "I2");
-  same(one(given.I3), one(sum.I3), "I3");
-  same(one(given.I4), one(sum.I4), "I4");
-  same(given.I5, sum.I5, "I5");
+  const auto [r, phi] = Largest(sum);
+  const double root_mass = std::sqrt(sum.I1);
+  same(one(given.I2), one(sum.I2), "I2", root_mass * r);
+  same(one(given.I3), one(sum.I3), "I3", root_mass * phi);
+  same(one(given.I4), one(sum.I4), "I4", r * phi);
+  same(given.I5, sum.I5, "I5", phi * phi);
   same(one(given.I6), one(sum.I6), "I6");
   same(one(given.I7), one(sum.I7), "I7");
-  same(given.I8, sum.I8, "I8");
+  same(given.I8, sum.I8, "I8", r * phi);
   if (!given.I9.empty()) same(given.I9, sum.I9, "I9");
   same(given.rotary_ww, sum.rotary_ww, "rotary_ww");
   same(given.rotary_we, sum.rotary_we, "rotary_we");
@@ -209,14 +218,14 @@ void check_integrals(const ModalData& data, const Located& at) {
   if (const double least = smallest_of_mass_matrix(I); !(least > -kFit))
     bad(at, "I1 ... I7 of some body: a mass matrix without negative eigenvalues",
         fmt::format("eigenvalue {:.3g} of that with a unit diagonal", least), "is a sign wrong, or are the moments not about the origin?");
-  const double of_I5 = kFit * largest(I.I5), of_I8 = kFit * std::max(largest(I.I8), I.I4.cwiseAbs().maxCoeff()),
-               of_I9 = kFit * largest(I.I9);
+  const auto [r, phi] = Largest(I);
+  const double of_modes = kFit * phi * phi, of_I8 = kFit * r * phi;
   for (std::size_t l = 0; l < m; ++l) {
     const auto column = static_cast<Eigen::Index>(l);
     for (std::size_t k = 0; k <= l; ++k) {
-      if ((I.I5[l].col(static_cast<Eigen::Index>(k)) + I.I5[k].col(column)).cwiseAbs().maxCoeff() > of_I5)
+      if ((I.I5[l].col(static_cast<Eigen::Index>(k)) + I.I5[k].col(column)).cwiseAbs().maxCoeff() > of_modes)
         bad(at, "I5 that changes its sign when its two modes change places", fmt::format("modes {} and {}", l, k));
-      if (!I.I9.empty() && (I.I9[l * m + k] - I.I9[k * m + l].transpose()).cwiseAbs().maxCoeff() > of_I9)
+      if (!I.I9.empty() && (I.I9[l * m + k] - I.I9[k * m + l].transpose()).cwiseAbs().maxCoeff() > of_modes)
         bad(at, "I9 that is transposed when its two modes change places", fmt::format("modes {} and {}", l, k));
     }
     if (I.of_change && I.rotary_ww.empty() && (I.I8[l] - I.I8[l].transpose() + tilde(I.I4.col(column))).cwiseAbs().maxCoeff() > of_I8)

@@ -78,7 +78,7 @@ class Content {
   void add(const MatrixModel& x) {
     const auto& [nodes, mass, stiffness, damping, root, place, component_modes] = x;
     for (const std::string* file : {&nodes, &mass, &stiffness, &damping}) add(file->empty() ? std::string() : sha256_of_file(*file));
-    all(root, place, component_modes);
+    all(name_of(mass), name_of(stiffness), root, place, component_modes);
   }
   void add(const NodeSet& x) {
     const auto& [numbers, group, within, normal, at_mean, names] = x;
@@ -86,7 +86,7 @@ class Content {
   }
   void add(const SolidModel& x) {
     const auto& [mesh, units, material, root, place] = x;
-    all(sha256_of_file(mesh), mesh.substr(mesh.rfind('.') + 1), static_cast<int>(units), material, root, place);
+    all(sha256_of_file(mesh), name_of(mesh), static_cast<int>(units), material, root, place);
   }
   void add(const ModeChoice& x) {
     const auto& [count, max_frequency, effective_mass] = x;
@@ -111,6 +111,8 @@ class Content {
   std::string hash() { return sha256(bytes_.take()); }
 
  private:
+  /// Modes tell which files they are of.
+  static std::string name_of(const std::string& path) { return fs::path(path).filename().string(); }
   ByteWriter bytes_;
 };
 

@@ -1,5 +1,5 @@
 #pragma once
-// Modes that were computed before, in a folder: found by the content of their source, never by a name or a path.
+// Modes that were computed before, in a folder: found by the content of their source, never by the place of a file.
 #include <cstdint>
 #include <filesystem>
 #include <string>

@@ -175,6 +175,28 @@ TEST(ModalFile, OfNoPhysicalBodyIsRefusedAsLumpedMassesAre) {
   EXPECT_EQ(with(l, "/mass_nodes/1/Phi", Values(6, 0.0), {3, 2}), "C0321");
 }
 
+TEST(ModalFile, MayHaveRoundingWhereASumIsZero) {  // modes on mean axes of masses on a line: I3, I4, I5 and I8 are nothing else
+  std::vector<MassNode> masses(3);
+  for (std::size_t j = 0; j < 3; ++j) {
+    masses[j].mass = j == 1 ? 2.0 : 1.0;
+    masses[j].position = {static_cast<double>(j) - 1.0, 0.0, 0.0};
+    masses[j].Phi = Eigen::Vector3d(0.0, j == 1 ? -0.5 : 0.5, 0.0);
+  }
+  const ModalData data = lumped_modal_data(masses, Eigen::MatrixXd::Constant(1, 1, 4.0), {}, {});
+  const std::vector<std::pair<std::string, Shape>> sums = {{"/integrals/I2", {3}},
+                                                           {"/integrals/I3", {3, 1}},
+                                                           {"/integrals/I4", {3, 1}},
+                                                           {"/integrals/I5", {1, 3, 1}},
+                                                           {"/integrals/I8", {1, 3, 3}}};
+  for (const auto& [path, shape] : sums) {
+    Values values(path.ends_with("I8") ? 9 : 3, 0.0);
+    values[1] = 1e-16;
+    EXPECT_EQ(with(data, path, values, shape), "accepted") << path;
+    values[1] = 1e-5;
+    EXPECT_EQ(with(data, path, values, shape), "C0321") << path;
+  }
+}
+
 TEST(ModalFile, WithNamesThatCannotBeUsedIsRefused) {
   for (const char* name : {"a.b", "world", "", "two\nlines", "\xff"})
     EXPECT_EQ(answer(lumped(), [&](Hdf5File& file) { file.write("/nodes/0/name", std::string(name)); }), "C0210") << name;
