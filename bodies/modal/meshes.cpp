@@ -199,6 +199,11 @@ FeModel plate_mesh(const PlateModel& plate, const std::vector<PointMass>& masses
     for (std::size_t i = 0; i + 1 < edge.size(); ++i) beam(edge[i], edge[i + 1]);
     const int half = plate.elements_y / 2;
     const int offset = static_cast<int>(std::lround(0.5 * yoke.spread / plate.width * plate.elements_y));
+    if (offset == 0 && yoke.spread > 0.0)
+      check.doubt(Code::unusual_value, "yoke.spread",
+                  fmt::format("{:g} m is less than an element of the plate, {:g} m wide: both beams meet it at its middle, as one",
+                              yoke.spread, plate.width / plate.elements_y),
+                  "larger `elements_y`, or spread: 0");
     const auto arm = [&](int to) {
       std::vector<int> line{root};
       int from = root;

@@ -389,6 +389,12 @@ TEST(Doubts, OfPlatesBeamsMaterialsAndDampingHaveNumbers) {
   EXPECT_EQ(of(w).substr(0, 28), "W0304 modal.panel.thickness ") << "0.3 m on 2.4 m";
   w.damping = {1.0};
   EXPECT_NE(of(w).find("W0302 modal.damping"), std::string::npos) << "critical";
+  w = wing(8, 4);
+  w.at.key_path = "modal";
+  std::get<PlateModel>(w.model).yoke.spread = 0.7;
+  EXPECT_EQ(of(w).find("modal.yoke"), std::string::npos);
+  std::get<PlateModel>(w.model).yoke.spread = 0.25;
+  EXPECT_NE(of(w).find("W0302 modal.yoke.spread"), std::string::npos) << "one beam of two, of elements of 0.6 m";
 }
 
 TEST(Doubts, OfPointsAndMassesThatAreMovedToTheMesh) {  // of 0.05 m here: they were moved without a word
