@@ -553,7 +553,7 @@ class DeviceLaws {
     along.second = 2.0 * h;
     const double coarse = slope(x, along, stored_at), scale = 1e-3 + size;
     if (std::abs(change - coarse) <= 1e-7 * scale + stored)  // else a corner
-      law(kEnergy, std::abs(change - (y.numbers[power_] - y.numbers[power_ + 1] - power)) / scale, 1e-7 + stored);
+      law(kEnergy, std::abs(change - (y.numbers[power_] - y.numbers[power_ + 1] - power)) / scale, 1e-7 + stored / scale);
     if ((f_.facts & CARDAN_FACT_PASSIVE) == 0) return;
     law(kPassive[0], std::abs(y.numbers[power_]), 0.0);
     law(kPassive[1], -y.numbers[power_ + 1], 1e-15 * size);
