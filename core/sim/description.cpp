@@ -556,8 +556,11 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
     const std::string hinge = path + "hinge.";
     add(hinge + "type", b.hinge.locked ? u.hinge_type + ", locked" : u.hinge_type);
     add(hinge + "to", u.parent < 0 ? "world" : m.user[static_cast<std::size_t>(u.parent)].name);
-    add(hinge + "onode", text_of(u.onode.p) + " m");
-    add(hinge + "pnode", text_of(u.pnode.p) + " m");
+    for (const auto& [node, pose] : {std::pair{"onode", u.onode}, {"pnode", u.pnode}}) {
+      add(hinge + node, text_of(pose.p) + " m");
+      if (const Eigen::Matrix3d R = to_eigen(pose.R); R != Eigen::Matrix3d::Identity())
+        add(fmt::format("{}{}.orientation", hinge, node), "rows " + text_of(R));
+    }
     for (const auto& [name, value] : b.hinge.params) add(hinge + name, text_of(value) + parameter_unit(schema_of(u.hinge), name));
     if (b.hinge.factor != HingeFactor::cholesky) add(hinge + "factor", hinge_factors()[static_cast<std::size_t>(b.hinge.factor)]);
     for (const int c : b.hinge.prescribed) add(hinge + "prescribed", u.v_names[static_cast<std::size_t>(c)]);
@@ -597,6 +600,8 @@ std::vector<std::pair<std::string, std::string>> effective_parameters(const Mode
     add(path + "type", d.family->type);
     for (const auto& [name, mount] : spec.mounts) add(path + name, place_text(mount.target, mount.position, mount.R));
     for (const auto& [name, value] : spec.params) add(path + name, text_of(value) + parameter_unit(schema, name));
+    if (spec.rate > 0.0) add(path + "rate", fmt::format("{:.10g} Hz", spec.rate));
+    if (spec.period > 0.0) add(path + "period", fmt::format("{:.10g} s", spec.period));
     if (spec.offset != 0.0) add(path + "offset", fmt::format("{:.10g} s", spec.offset));
     for (const auto& [name, input] : spec.inputs) add(path + "inputs." + name, input_text(input));
     for (const auto& [name, value] : spec.initial) add(path + "initial." + name, text_of(value));

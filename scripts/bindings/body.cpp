@@ -43,11 +43,11 @@ int body_mass(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& body_methods() {
-  static const std::vector<luaL_Reg> all = {{"attitude", method<body_attitude>},
-                                            {"rate", method<body_rate>},
-                                            {"position", method<body_position>},
-                                            {"velocity", method<body_velocity>},
-                                            {"mass", method<body_mass>}};
+  static const std::vector<luaL_Reg> all = {{"attitude", method<body_attitude, 0>},
+                                            {"rate", method<body_rate, 0>},
+                                            {"position", method<body_position, 0>},
+                                            {"velocity", method<body_velocity, 0>},
+                                            {"mass", method<body_mass, 0>}};
   return all;
 }
 

@@ -70,13 +70,14 @@ int device_set(lua_State* L) {
     s.sim->set_device_input(to.index, command(L, 3, s, "an input of device", d.name));
     return 0;
   }
-  if (lua_type(L, 3) != LUA_TTABLE || lua_rawlen(L, 3) != static_cast<lua_Unsigned>(to.size))
+  if (lua_type(L, 3) != LUA_TTABLE || lua_rawlen(L, 3) != static_cast<lua_Unsigned>(to.size) || count_keys(L, 3) != lua_rawlen(L, 3))
     refuse(L, Code::lua_argument, fmt::format("{} of device {}", lua_tostring(L, 2), d.name), fmt::format("a list of {} numbers", to.size),
            describe_value(L, 3));
   std::vector<double> all;  // all of them, or none
   for (int i = 0; i < to.size; ++i) {
     lua_rawgeti(L, 3, i + 1);
     all.push_back(command(L, lua_gettop(L), s, "an input of device", d.name));
+    lua_pop(L, 1);
   }
   for (int i = 0; i < to.size; ++i) s.sim->set_device_input(to.index + i, all[static_cast<std::size_t>(i)]);
   return 0;
@@ -202,11 +203,11 @@ int device_mend(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& device_methods() {
-  static const std::vector<luaL_Reg> all = {{"set", method<device_set>},
-                                            {"get", method<device_get>},
-                                            {"valid", method<device_valid>},
-                                            {"fault", method<device_fault>},
-                                            {"mend", method<device_mend>}};
+  static const std::vector<luaL_Reg> all = {{"set", method<device_set, 2>},
+                                            {"get", method<device_get, 1>},
+                                            {"valid", method<device_valid, 1>},
+                                            {"fault", method<device_fault, 1>},
+                                            {"mend", method<device_mend, 1>}};
   return all;
 }
 

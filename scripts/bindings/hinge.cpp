@@ -125,11 +125,11 @@ int hinge_profile(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& hinge_methods() {
-  static const std::vector<luaL_Reg> all = {{"angle", method<hinge_q>},         {"q", method<hinge_q>},
-                                            {"rate", method<hinge_v>},          {"v", method<hinge_v>},
-                                            {"torque", method<hinge_force>},    {"force", method<hinge_force>},
-                                            {"applied", method<hinge_applied>}, {"reaction", method<hinge_reaction>},
-                                            {"profile", method<hinge_profile>}};
+  static const std::vector<luaL_Reg> all = {{"angle", method<hinge_q, 1>},         {"q", method<hinge_q, 1>},
+                                            {"rate", method<hinge_v, 1>},          {"v", method<hinge_v, 1>},
+                                            {"torque", method<hinge_force, 2>},    {"force", method<hinge_force, 2>},
+                                            {"applied", method<hinge_applied, 1>}, {"reaction", method<hinge_reaction, 0>},
+                                            {"profile", method<hinge_profile, 1>}};
   return all;
 }
 

@@ -81,11 +81,11 @@ int loop_profile(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& loop_methods() {
-  static const std::vector<luaL_Reg> all = {{"reaction", method<loop_reaction>},
-                                            {"multiplier", method<loop_multiplier>},
-                                            {"length", method<loop_given>},
-                                            {"offset", method<loop_given>},
-                                            {"profile", method<loop_profile>}};
+  static const std::vector<luaL_Reg> all = {{"reaction", method<loop_reaction, 0>},
+                                            {"multiplier", method<loop_multiplier, 0>},
+                                            {"length", method<loop_given, 0>},
+                                            {"offset", method<loop_given, 0>},
+                                            {"profile", method<loop_profile, 1>}};
   return all;
 }
 

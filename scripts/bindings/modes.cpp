@@ -42,8 +42,10 @@ int modes_frequency(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& modes_methods() {
-  static const std::vector<luaL_Reg> all = {
-      {"eta", method<modes_eta>}, {"etadot", method<modes_etadot>}, {"count", method<modes_count>}, {"frequency", method<modes_frequency>}};
+  static const std::vector<luaL_Reg> all = {{"eta", method<modes_eta, 1>},
+                                            {"etadot", method<modes_etadot, 1>},
+                                            {"count", method<modes_count, 0>},
+                                            {"frequency", method<modes_frequency, 1>}};
   return all;
 }
 

@@ -66,19 +66,19 @@ int load_set(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& node_methods() {
-  static const std::vector<luaL_Reg> all = {{"position", method<node_position>},
-                                            {"attitude", method<node_attitude>},
-                                            {"rate", method<node_rate>},
-                                            {"velocity", method<node_velocity>},
-                                            {"acceleration", method<node_acceleration>},
-                                            {"angular_acceleration", method<node_angular_acceleration>},
-                                            {"specific_force", method<node_specific_force>},
-                                            {"load", method<node_load>}};
+  static const std::vector<luaL_Reg> all = {{"position", method<node_position, 0>},
+                                            {"attitude", method<node_attitude, 0>},
+                                            {"rate", method<node_rate, 0>},
+                                            {"velocity", method<node_velocity, 0>},
+                                            {"acceleration", method<node_acceleration, 0>},
+                                            {"angular_acceleration", method<node_angular_acceleration, 0>},
+                                            {"specific_force", method<node_specific_force, 0>},
+                                            {"load", method<node_load, 1>}};
   return all;
 }
 
 const std::vector<luaL_Reg>& load_methods() {
-  static const std::vector<luaL_Reg> all = {{"set", method<load_set>}};
+  static const std::vector<luaL_Reg> all = {{"set", method<load_set, 6>}};
   return all;
 }
 

@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <set>
+#include <tuple>
 
 #include "core/base/units.hpp"
 #include "core/model/schema.hpp"
@@ -59,7 +60,9 @@ std::vector<Item> items(lua_State* L, LuaTable& t, const char* key, std::set<std
     all.push_back(std::move(item));
   }
   lua_pop(L, 1);
-  std::ranges::sort(all, {}, &Item::name);
+  std::ranges::sort(all, {}, [](const Item& item) {  // u_2 before u_10: numbers at the end count, as those of a vector do
+    return std::tuple(item.name.substr(0, item.name.find_last_not_of("0123456789") + 1), item.name.size(), item.name);
+  });
   return all;
 }
 

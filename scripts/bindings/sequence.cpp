@@ -143,10 +143,10 @@ int sequence_waits_for(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& sequence_methods() {
-  static const std::vector<luaL_Reg> all = {{"start", method<sequence_start>},
-                                            {"stop", method<sequence_stop>},
-                                            {"state", method<sequence_state>},
-                                            {"waits_for", method<sequence_waits_for>}};
+  static const std::vector<luaL_Reg> all = {{"start", method<sequence_start, 0>},
+                                            {"stop", method<sequence_stop, 0>},
+                                            {"state", method<sequence_state, 0>},
+                                            {"waits_for", method<sequence_waits_for, 0>}};
   return all;
 }
 

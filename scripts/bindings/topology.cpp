@@ -31,8 +31,11 @@ const BodySpec& body_named(lua_State* L, const Scenario& s, const char* what) {
   return *body;
 }
 
+constexpr int kDeepest = 10;  // lists and maps in each other
+
 /// The value at the top of the stack as the vehicle's text has it.
-std::string yaml(lua_State* L, const char* what) {
+std::string yaml(lua_State* L, const char* what, int depth = 0) {
+  luaL_checkstack(L, LUA_MINSTACK, nullptr);
   switch (lua_type(L, -1)) {
     case LUA_TBOOLEAN:
       return lua_toboolean(L, -1) != 0 ? "true" : "false";
@@ -46,15 +49,18 @@ std::string yaml(lua_State* L, const char* what) {
     case LUA_TTABLE: {
       std::vector<std::string> items;
       const auto n = static_cast<lua_Integer>(lua_rawlen(L, -1));
+      if (depth == kDeepest || (n > 0 && count_keys(L, -1) > static_cast<lua_Unsigned>(n)))
+        refuse(L, Code::lua_argument, what, "lists and maps as in the vehicle's file",
+               depth == kDeepest ? fmt::format("tables more than {} deep", kDeepest) : "a list with other keys than 1, 2, ...");
       for (lua_Integer i = 1; i <= n; ++i) {
         lua_rawgeti(L, -1, i);
-        items.push_back(yaml(L, what));
+        items.push_back(yaml(L, what, depth + 1));
         lua_pop(L, 1);
       }
       if (n > 0) return fmt::format("[{}]", fmt::join(items, ", "));
       for (lua_pushnil(L); lua_next(L, -2) != 0; lua_pop(L, 1)) {
         if (lua_type(L, -2) != LUA_TSTRING) refuse(L, Code::lua_argument, what, "keys as in the vehicle's file", describe_value(L, -2));
-        items.push_back(fmt::format("{}: {}", lua_tostring(L, -2), yaml(L, what)));
+        items.push_back(fmt::format("{}: {}", lua_tostring(L, -2), yaml(L, what, depth + 1)));
       }
       std::ranges::sort(items);
       return fmt::format("{{{}}}", fmt::join(items, ", "));
@@ -170,9 +176,9 @@ int vehicle_close(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& topology_methods() {
-  static const std::vector<luaL_Reg> all = {{"attach", method<vehicle_attach>},     {"detach", method<vehicle_detach>},
-                                            {"lock", method<vehicle_lock<true>>},   {"unlock", method<vehicle_lock<false>>},
-                                            {"close", method<vehicle_close<true>>}, {"open", method<vehicle_close<false>>}};
+  static const std::vector<luaL_Reg> all = {{"attach", method<vehicle_attach, 2>},     {"detach", method<vehicle_detach, 1>},
+                                            {"lock", method<vehicle_lock<true>, 1>},   {"unlock", method<vehicle_lock<false>, 1>},
+                                            {"close", method<vehicle_close<true>, 1>}, {"open", method<vehicle_close<false>, 1>}};
   return all;
 }
 

@@ -48,8 +48,9 @@ void note_files(Scenario& s, const SystemSpec& spec) {
       if (file && file->kind == DocNode::Kind::scalar) note(file->text, beside(file->mark, file->text), {path + "." + key, file->mark});
     };
     note_key(b.modal_source.get(), "file", body_path(b) + ".modal");
-    const DocNode* matrices = b.modal_source ? b.modal_source->find("matrices") : nullptr;
-    for (const char* key : {"nodes", "mass", "stiffness", "damping"}) note_key(matrices, key, body_path(b) + ".modal.matrices");
+    const auto part = [&](const char* key) { return b.modal_source ? b.modal_source->find(key) : nullptr; };
+    for (const char* key : {"nodes", "mass", "stiffness", "damping"}) note_key(part("matrices"), key, body_path(b) + ".modal.matrices");
+    note_key(part("solid"), "mesh", body_path(b) + ".modal.solid");
     for (const ParamValues* params : {&b.params, &b.hinge.params})
       for (const auto& [key, value] : *params)
         if (!value.file.empty()) note(value.file, beside(value.at.mark, value.file), value.at);
@@ -103,7 +104,7 @@ std::map<std::string, std::string> vehicle_values(lua_State* L, int index, const
     std::string& value = out[std::string(vehicle_path(key))];
     if (lua_type(L, -1) == LUA_TSTRING || lua_type(L, -1) == LUA_TNUMBER) {
       value = exact_text(L);
-    } else if (lua_istable(L, -1) && lua_rawlen(L, -1) > 0) {
+    } else if (lua_istable(L, -1) && lua_rawlen(L, -1) > 0 && count_keys(L, -1) == lua_rawlen(L, -1)) {
       const int list = lua_gettop(L);
       for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(L, list)); ++i, lua_settop(L, list)) {
         if (lua_rawgeti(L, list, i) != LUA_TNUMBER) wrong();
@@ -223,14 +224,14 @@ int vehicle_study(lua_State* L) {
 
 const std::vector<luaL_Reg>& vehicle_methods() {
   static const std::vector<luaL_Reg> all = [] {
-    std::vector<luaL_Reg> own = {{"body", method<vehicle_part<Kind::body>>},
-                                 {"hinge", method<vehicle_part<Kind::hinge>>},
-                                 {"modes", method<vehicle_part<Kind::modes>>},
-                                 {"node", method<vehicle_part<Kind::node>>},
-                                 {"device", method<vehicle_part<Kind::device>>},
-                                 {"loop", method<vehicle_part<Kind::loop>>},
-                                 {"mass", method<vehicle_mass>},
-                                 {"change", method<vehicle_change>},
+    std::vector<luaL_Reg> own = {{"body", method<vehicle_part<Kind::body>, 1>},
+                                 {"hinge", method<vehicle_part<Kind::hinge>, 1>},
+                                 {"modes", method<vehicle_part<Kind::modes>, 1>},
+                                 {"node", method<vehicle_part<Kind::node>, 1>},
+                                 {"device", method<vehicle_part<Kind::device>, 1>},
+                                 {"loop", method<vehicle_part<Kind::loop>, 1>},
+                                 {"mass", method<vehicle_mass, 0>},
+                                 {"change", method<vehicle_change, 1>},
                                  {"operators", method<vehicle_study<push_operators>>},
                                  {"linearize", method<vehicle_study<push_linear_model>>},
                                  {"system_modes", method<vehicle_study<push_modes>>},

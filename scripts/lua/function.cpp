@@ -20,6 +20,14 @@ LuaRef::~LuaRef() {
   if (host_) luaL_unref(host_->state(), LUA_REGISTRYINDEX, ref_);  // allocates nothing, raises nothing
 }
 
+lua_Unsigned count_keys(lua_State* L, int index) {
+  index = lua_absindex(L, index);
+  luaL_checkstack(L, LUA_MINSTACK, nullptr);
+  lua_Unsigned keys = 0;
+  for (lua_pushnil(L); lua_next(L, index); lua_pop(L, 1)) ++keys;
+  return keys;
+}
+
 std::string describe_value(lua_State* L, int index) {
   switch (lua_type(L, index)) {
     case LUA_TSTRING: {

@@ -43,6 +43,9 @@ class LuaFunction : public LuaRef {
   int call(std::span<const double> in, std::span<double> out) const;
 };
 
+/// How many keys the table at `index` has, whatever they are: of a list as many as its length.
+lua_Unsigned count_keys(lua_State* L, int index);
+
 /// `"1e-9 m" (string)`, `12 (number)`, `nil`: for `got`.
 std::string describe_value(lua_State* L, int index);
 

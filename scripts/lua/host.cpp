@@ -580,6 +580,15 @@ int LuaHost::require(lua_State* L) {
   return 1;
 }
 
+void expect_at_most(lua_State* L, int arguments) {
+  const int given = lua_gettop(L) - 1;
+  if (given <= arguments) return;
+  lua_Debug frame;
+  const bool named = lua_getstack(L, 0, &frame) && lua_getinfo(L, "n", &frame) && frame.name;
+  refuse(L, Code::lua_argument, named ? frame.name : "a method", fmt::format("{} argument{} at most", arguments, arguments == 1 ? "" : "s"),
+         fmt::format("{}", given), "a call as the last argument gives all its results: (f(x)) gives the first alone");
+}
+
 void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got, std::string hint) {
   throw InputError(Diagnostic{
       code, {std::move(key_path), LuaHost::caller(L)}, std::move(expected), std::move(got), std::move(hint), LuaHost::traceback(L)});

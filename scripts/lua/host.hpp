@@ -192,6 +192,9 @@ class LuaHost {
 /// An error at the script line that runs now.
 [[noreturn]] void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got, std::string hint = {});
 
+/// More arguments than a method takes, behind what stands before its colon, are refused: none of them would be heard.
+void expect_at_most(lua_State* L, int arguments);
+
 /// LuaHost::guarded as a method of userdata that is the script's own, vectors and matrices.
 template <lua_CFunction kFunction>
 int own_method(lua_State* L) {
@@ -201,6 +204,16 @@ int own_method(lua_State* L) {
 template <lua_CFunction kFunction>
 int method(lua_State* L) {
   return LuaHost::offered(L, own_method<kFunction>);
+}
+/// The same of one that takes at most so many arguments.
+template <lua_CFunction kFunction, int kArguments>
+int limited(lua_State* L) {
+  expect_at_most(L, kArguments);
+  return kFunction(L);
+}
+template <lua_CFunction kFunction, int kArguments>
+int method(lua_State* L) {
+  return method<limited<kFunction, kArguments>>(L);
 }
 
 }  // namespace cardan

@@ -57,6 +57,11 @@ Block* block_at(lua_State* L, int index) {
   return static_cast<Block*>(block ? block : luaL_testudata(L, index, kMatrix));
 }
 
+/// A name beside the numbers of a list, which nobody would read.
+void expect_no_names(lua_State* L, int index, const std::string& what, const std::string& wanted) {
+  if (count_keys(L, index) > lua_rawlen(L, index)) misfit(L, what, wanted, "a table with other keys than 1, 2, ...");
+}
+
 std::string shape(const Block& b) {
   return b.is_vector ? fmt::format("vector of {}", b.rows) : fmt::format("matrix {}x{}", b.rows, b.cols);
 }
@@ -458,6 +463,8 @@ Labels labels_at(lua_State* L, int index, Index n, const std::string& what) {
   };
   out.names = list("names");
   out.units = list("units");
+  if (count_keys(L, index) > (out.names.empty() ? 0u : 1u) + (out.units.empty() ? 0u : 1u) && n > 0)
+    misfit(L, what, expected, "a table with other keys");
   return out;
 }
 
@@ -713,6 +720,7 @@ Eigen::VectorXd to_vector(lua_State* L, int index, Eigen::Index size, const std:
   if (size != kAnySize && n != size) misfit(L, what, wanted, b ? "a " + shape(*b) : fmt::format("a table of {}", n));
   LuaHost::charge(L, n);
   if (b) return b->map().col(0);
+  expect_no_names(L, index, what, wanted);
   Eigen::VectorXd x(n);
   for (Index i = 0; i < n; ++i) {
     if (lua_rawgeti(L, index, i + 1) != LUA_TNUMBER) misfit(L, fmt::format("{}[{}]", what, i + 1), "a number", describe_value(L, -1));
@@ -735,6 +743,7 @@ Eigen::MatrixXd to_matrix(lua_State* L, int index, Eigen::Index rows, Eigen::Ind
     LuaHost::charge(L, b->size());
     A = b->map();
   } else {
+    expect_no_names(L, index, what, wanted);
     const auto n = static_cast<Index>(lua_rawlen(L, index));
     for (Index i = 0; i < n; ++i) {
       lua_rawgeti(L, index, i + 1);

@@ -168,10 +168,10 @@ class Persistent::Walk {
     }
     if (fields_of(at) > kManyFields) {
       if (!kept) fields["fields"] = {name + " (its fields)", fingerprint_of_fields(at)};
-      return;
+      return inner_fields(at, name);
     }
-    const auto field = [&](const std::string& key, const std::string& shown, bool plain) {  // the value is at the top, and goes
-      const std::string full = below(name, shown);
+    const auto field = [&](const std::string& key, const std::string& told, bool plain) {  // the value is at the top, and goes
+      const std::string full = below(name, told);
       const bool held = kept && plain && (is_plain(lua_type(L_, -1)) || lua_istable(L_, -1) || is_numbers(L_, -1));
       if (!held) fields[key] = {full, value()};
       later(full);
@@ -180,7 +180,7 @@ class Persistent::Walk {
     for (const std::string& key : keys_of(L_, at, &others)) {
       push_plain(L_, key);
       lua_rawget(L_, at);
-      field(key, key == "true" || key == "false" ? key : key.substr(1), true);
+      field(key, shown(key), true);
     }
     if (!others) return;
     for (lua_pushnil(L_); lua_next(L_, at); lua_pop(L_, 1)) {
@@ -197,13 +197,16 @@ class Persistent::Walk {
     return full.size() > kLongName ? full.substr(0, kLongName) + "..." : full;
   }
 
+  /// Of a key as plain_text() has it.
+  static std::string shown(const std::string& key) { return key == "true" || key == "false" ? key : key.substr(1); }
+
   std::size_t fields_of(int at) {
     std::size_t n = 0;
     for (lua_pushnil(L_); lua_next(L_, at); lua_pop(L_, 1)) ++n;
     return n;
   }
 
-  /// Of a large table as a whole, whatever the order of its keys; what is in it is looked at as well.
+  /// Of a large table as a whole, whatever the order of its keys.
   std::string fingerprint_of_fields(int at) {
     std::size_t sum = 0, n = 0;
     for (lua_pushnil(L_); lua_next(L_, at); lua_pop(L_, 1), ++n) {
@@ -213,6 +216,19 @@ class Persistent::Walk {
       sum += std::hash<std::string>()(key + "=" + value());
     }
     return fmt::format("{} fields, {}", n, sum);
+  }
+
+  /// Tables and functions in a large table are looked at each by itself.
+  void inner_fields(int at, const std::string& name) {
+    std::vector<std::string> keys;
+    for (lua_pushnil(L_); lua_next(L_, at); lua_pop(L_, 1))
+      if (is_plain(lua_type(L_, -2)) && (lua_istable(L_, -1) || lua_isfunction(L_, -1))) keys.push_back(plain_text(L_, -2));
+    std::sort(keys.begin(), keys.end());
+    for (const std::string& key : keys) {
+      push_plain(L_, key);
+      lua_rawget(L_, at);
+      later(below(name, shown(key)));
+    }
   }
 
   /// A variable is named with the place of the first function that keeps it.

@@ -11,13 +11,7 @@ namespace cardan {
 namespace {
 
 /// Entries, and no keys beside them.
-bool is_array(lua_State* L, int index) {
-  if (!lua_istable(L, index)) return false;
-  luaL_checkstack(L, LUA_MINSTACK, nullptr);
-  lua_Unsigned keys = 0;
-  for (lua_pushnil(L); lua_next(L, index); lua_pop(L, 1)) ++keys;
-  return keys == lua_rawlen(L, index);
-}
+bool is_array(lua_State* L, int index) { return lua_istable(L, index) && count_keys(L, index) == lua_rawlen(L, index); }
 
 std::string describe_list(lua_State* L, int index) {
   return lua_istable(L, index) && !is_array(L, index) ? "a table with other keys than 1, 2, ..." : describe_value(L, index);

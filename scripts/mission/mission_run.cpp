@@ -12,7 +12,8 @@ namespace cardan {
 namespace {
 
 constexpr const char* kPersist = "persist{}";  // acts where a checkpoint is made
-constexpr double kInstant = 1e-9;              // [s] what is closer than this happens at the same time
+constexpr double kInstant = 1e-9;              // [s] what is closer than this happens at the same time ...
+constexpr double kOfTime = 1e-15;              // ... or than this of the time, whose rounding the difference of two has
 constexpr int kMostChanges = 100;              // of phases, or beginnings of each sequence, in one instant
 constexpr double kMostIntervals = 500.0;       // of the history of steps, in the planned duration
 
@@ -310,7 +311,7 @@ void MissionRun::change_phases(bool at_tick) {
 
 bool MissionRun::is_over(const Phase& p) {
   const double t = s_.sim->time();
-  if (t - s_.phase_begun >= p.duration - kInstant) return true;
+  if (t - s_.phase_begun >= p.duration - std::max(kInstant, kOfTime * std::abs(t))) return true;
   if (!p.until) return false;
   bool over = false;
   call(fmt::format("phase \"{}\"", p.name), [&] {

@@ -39,8 +39,13 @@ void VehicleChanges::begin(Overrides given, std::shared_ptr<const SystemSpec> de
 }
 
 void VehicleChanges::want(Wish wish) {
+  add(wishes_, std::move(wish));
+  schedule();
+}
+
+void VehicleChanges::add(std::vector<Wish>& wishes, Wish wish) const {
   wish.actor = s_.actor;
-  for (const Wish& other : wishes_) {
+  for (const Wish& other : wishes) {
     if (!is_in(wish.key, other.key) && !is_in(other.key, wish.key)) continue;
     if (wish.key == other.key && wish.value == other.value) return;
     const auto name = [](const Wish& w) { return w.told.empty() ? w.key + " = " + w.value : w.told; };
@@ -50,9 +55,8 @@ void VehicleChanges::want(Wish wish) {
     d.hint = "the order of what happens in one instant tells nothing";
     throw InputError(std::vector{d});
   }
-  wishes_.push_back(std::move(wish));
-  std::ranges::sort(wishes_, {}, &Wish::key);
-  schedule();
+  wishes.push_back(std::move(wish));
+  std::ranges::sort(wishes, {}, &Wish::key);
 }
 
 void VehicleChanges::schedule() {
@@ -75,7 +79,10 @@ void VehicleChanges::want(const std::vector<Wish>& values) {
       if (d.at.mark.file.empty() || d.at.mark.file.starts_with("--set")) d.at.mark = values.front().by, d.stack = values.front().stack;
     throw InputError(all);
   }
-  for (const Wish& wish : values) want(wish);
+  std::vector<Wish> all = wishes_;  // all of them, or none
+  for (const Wish& wish : values) add(all, wish);
+  wishes_ = std::move(all);
+  schedule();
 }
 
 Overrides VehicleChanges::with_wishes() const {

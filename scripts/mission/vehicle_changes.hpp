@@ -68,6 +68,7 @@ class VehicleChanges {
     void remember(Archive& a) { a(values, places); }
   };
 
+  void add(std::vector<Wish>& wishes, Wish wish) const;
   void schedule();
   SystemSpec described(const Overrides& values) const;
   Overrides with_wishes() const;

@@ -119,6 +119,11 @@ TEST(LuaMatrix, ShapesThatDoNotFitAreNamed) {
   EXPECT_EQ(b.fault("return 1 / x"), "1 (number) divided by vector of 4 | a number on the right | vector of 4");
   EXPECT_EQ(b.fault("return matrix{{1, 2}, {3}}"), "matrix[2] | a vector or a table of 2 numbers | a table of 1");
   EXPECT_EQ(b.fault("return vector{1, '2'}"), "vector[2] | a number | \"2\" (string)");
+  EXPECT_EQ(b.fault("return vector{1, 2, w = 3}"), "vector | a vector or a table of numbers | a table with other keys than 1, 2, ...");
+  EXPECT_EQ(b.fault("return matrix{{1, 2}, {3, 4}, rows = 2}"),
+            "matrix | a matrix or a table of rows | a table with other keys than 1, 2, ...");
+  EXPECT_EQ(b.fault("return vector({1, 2}, {unit = {'m', 'm'}})"),
+            "labels of the vector | {names = {...}, units = {...}} with 2 texts each | a table with other keys");
   EXPECT_EQ(b.fault("return x[5]"), "index of vector of 4 | 1 to 4 | 5 (number)");
   EXPECT_EQ(b.fault("return x[1.5]"), "index of vector of 4 | 1 to 4 | 1.5 (number)");
   EXPECT_EQ(b.fault("x[0] = 1"), "index of vector of 4 | 1 to 4 | 0 (number)");

@@ -112,6 +112,14 @@ TEST(Persist, NamesWhatItDoesNotHold) {
   EXPECT_EQ(elsewhere("c = coroutine.wrap(function() while true do coroutine.yield() end end)", "c()"), "c\n");
 }
 
+TEST(Persist, NamesWhatChangesInsideOfALargeTable) {  // of more than a thousand fields it was told of its own alone
+  Script script("log = {} for i = 1, 1500 do log[i] = { n = 0 } end names = {} for i = 1, 1500 do names['k' .. i] = { { 1 } } end");
+  script.run("log[7].n = 1");
+  EXPECT_EQ(script.persistent.elsewhere(), std::vector<std::string>{"log.7.n"});
+  script.run("log[7].n = 0 names.k1500[1][1] = 2");
+  EXPECT_EQ(script.persistent.elsewhere(), std::vector<std::string>{"names.k1500.1.1"});
+}
+
 TEST(Persist, RefusesTextsThatAreNoTablesOfThisScript) {
   const std::string setup = "m = persist { a = { 1 }, v = vector { 1, 2 }, A = matrix { { 1, 2 }, { 3, 4 } }, n = 1 }";
   Script script(setup);

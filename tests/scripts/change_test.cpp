@@ -183,6 +183,21 @@ loops:
   EXPECT_NE(begun.err.find("a run begins once"), std::string::npos) << begun.err;
 }
 
+TEST(AVehicleThatChanges, TakesAllValuesOfACallOrNone) {  // what stood before the one that contradicts was kept
+  const TemporaryFolder dir;
+  const Finished done = run(dir, R"lua(
+wheel:force(0.1)
+phase { name = "light", duration = 1, exit_ = function()
+  sat:change { ["bodies.wheel.mass"] = 7 }
+  assert(not pcall(sat.change, sat, { ["bodies.wheel.inertia.zz"] = 0.5, ["bodies.wheel.mass"] = 8 }))
+end }
+phase { name = "heavy", duration = 1 }
+figure { name = "after", value = function() return wheel:v() end }
+)lua");
+  ASSERT_EQ(done.exit_code, 0) << done.err;
+  EXPECT_NEAR(figure(summary_of(dir / "out"), "after"), 0.2 / 0.3, 1e-14);
+}
+
 TEST(AVehicleThatChanges, AnswersToWhatCannotBe) {
   const struct {
     const char *line, *says;

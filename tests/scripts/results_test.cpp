@@ -604,6 +604,19 @@ TEST(Provenance, HasWhatTheCommandLineAsksForAndWhatCameOfIt) {
   EXPECT_TRUE(file.text_attribute("/run", "sweeps").starts_with("x86-64-v"));
 }
 
+TEST(Provenance, HasHowHingesAreTurnedAndWhenDevicesSample) {  // places and the first tick alone stood there
+  const TemporaryFolder dir;
+  write(
+      dir / "vehicle.yaml",
+      "cardan: 1\nbodies:\n  rod:\n    mass: 1\n    inertia: [1, 1, 1]\n    hinge: {type: revolute, axis: [0, 0, 1], to: {body: world, "
+      "orientation: {quaternion_wxyz: [0.6, 0.8, 0, 0]}}}\ndevices:\n  reads: {type: encoder, at: rod.angle, rate: 20 Hz, step: 1 mrad}\n");
+  write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 1 }");
+  ASSERT_EQ(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 0);
+  const auto parameters = Hdf5File::open(dir / "out/run.h5").read_texts("/spec/parameters");
+  EXPECT_EQ(value_of(parameters, "bodies.rod.hinge.onode.orientation"), "rows [[1, 0, 0], [0, -0.28, -0.96], [0, 0.96, -0.28]]");
+  EXPECT_EQ(value_of(parameters, "devices.reads.rate"), "20 Hz");
+}
+
 TEST(Again, RepeatsARunBitForBitFromItsResultsAlone) {
   const TemporaryFolder dir;
   fs::copy(kMissions + "/drive", dir / "scene", fs::copy_options::recursive);
@@ -697,6 +710,26 @@ TEST(Again, RefusesAModalFileThatIsAnother) {
   expect_refused_without(dir, "wing.h5");
   write(dir / "wing.h5", same);
   EXPECT_EQ(run_program({"run", "--again", "out/run.h5"}, dir.path()).exit_code, 0) << "the same bytes are the same file";
+}
+
+TEST(Again, RefusesAMeshThatIsAnother) {  // its hash was not recorded, and the run was that of another body
+  const TemporaryFolder dir;
+  const auto write_mesh = [&](const char* density) {
+    std::string mesh = "PSOLID,1,1\nMAT1,1,7.+10,,.3," + std::string(density) + "\n";
+    for (int x = 0; x < 3; ++x)
+      for (int i = 0; i < 4; ++i) mesh += fmt::format("GRID,{},,{}.,{}.,{}.\n", 4 * x + i + 1, x, int{i == 1 || i == 2}, int{i > 1});
+    write(dir / "arm.bdf", mesh + "CHEXA,1,1,1,2,3,4,5,6,+\n+,7,8\nCHEXA,2,1,5,6,7,8,9,10,+\n+,11,12\n");
+  };
+  write_mesh("2700.");
+  write(
+      dir / "vehicle.yaml",
+      "cardan: 1\nbodies:\n  arm:\n    type: modal_flexible\n    hinge: {type: free, to: world, initial: {angular_velocity: [0.1, 0, 0]}}\n"
+      "    modal: {solid: {mesh: arm.bdf, root: {position: [0, 0, 0], normal: [1, 0, 0]}}, modes: {count: 2}}\n");
+  write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 0.01 }");
+  ASSERT_EQ(run_program({"run", ".", "--out", "out"}, dir.path()).exit_code, 0);
+  ASSERT_EQ(run_program({"run", "--again", "out/run.h5"}, dir.path()).exit_code, 0);
+  write_mesh("2800.");
+  expect_refused_without(dir, "arm.bdf");
 }
 
 TEST(Again, DoesNotOverwriteWhatItRepeats) {

@@ -213,6 +213,19 @@ TEST(ScriptDevices, ThatAreNotPureAreRefused) {
 }
 
 /// A parameter without a value of its own is asked of the vehicle.
+TEST(ScriptDevices, HaveVectorsOfManyPorts) {  // of ten and more the order of their names was another one
+  const TemporaryFolder dir;
+  const Finished done = run(dir, "  many: {type: lua/many, rate: 10 Hz}\n",
+                            "local ins = {} for i = 1, 12 do ins['u_' .. i] = '1' end\n"
+                            "device { type = 'lua/many', inputs = ins, outputs = { y = '1' }, tick = function(a) return { y = a.u_2 + 10 * "
+                            "a.u_12 } end }",
+                            "mission { duration = 1 }\n"
+                            "local list = {} for i = 1, 12 do list[i] = i end\n"
+                            "controller { name = 'c', rate = '10 Hz', step = function() sat:device('many'):set('u', list) end }\n"
+                            "check { name = 'y', value = function() return sat:device('many'):get 'y' end, equal = { 122 } }\n");
+  EXPECT_EQ(done.exit_code, 0) << done.err;
+}
+
 TEST(ScriptDevices, HaveParametersThatTheVehicleGives) {
   const TemporaryFolder dir;
   const std::string type =

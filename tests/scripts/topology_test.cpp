@@ -576,6 +576,8 @@ TEST(Topology, WhatCannotBeDoneIsTold) {
   told("sat:attach('bus', {to = 'tip', as_found = true})", 3, "closed loop");
   told("sat:attach('guest', {to = 'bus', type = 'ball', as_found = true})", 3, "a type, or as_found = true");
   told("sat:attach('guest', {to = 'bus', initial = {}})", 3, "a hinge without `initial` and `locked`");
+  told("local t = {to = 'bus'} t.type = t sat:attach('guest', t)", 3, "tables more than 10 deep");
+  told("sat:attach('guest', {to = {body = 'bus', position = {1, 0, 0, z = 1}}})", 3, "a list with other keys than 1, 2, ...");
   told("sat:hinge('upper'):torque(1)", 3, "wrong argument, at hinge of upper\n");
   told("sat:close 'dock'", 3, "the ends of a loop do not meet, at loops.dock");
 }
