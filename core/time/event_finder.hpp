@@ -23,6 +23,7 @@ class EventFinder {
         g_end_(n_),
         g_(n_),
         g_before_(n_),
+        g_inside_(n_),
         slope_begin_(n_),
         slope_end_(n_),
         slope_before_(n_),
@@ -151,21 +152,39 @@ class EventFinder {
     bool any = false;
     for (std::size_t i = 0; i < n_ && !any; ++i) any = may(i);
     if (!any) return false;
-    for (const double s : kInside) {
-      const double r = 1.0 - s;
-      evaluate(t_ + s * h, rough_at(t_ + s * h), g_);
-      for (std::size_t i = 0; i < n_; ++i) {
-        if (!may(i)) continue;
-        const double a = g_begin_[i], b = g_end_[i], g = g_[i], size = std::max(std::abs(a), std::abs(b)),
-                     change = h * std::max(std::abs(slope_begin_[i]), std::abs(slope_end_[i])),
-                     cubic =
-                         r * r * (1.0 + 2.0 * s) * a + s * s * (1.0 + 2.0 * r) * b + h * s * r * (r * slope_begin_[i] - s * slope_end_[i]),
-                     off = std::abs(g - cubic), least = std::min({std::abs(a), std::abs(b), std::abs(g)});
+    evaluate(t_ + kInside[0] * h, rough_at(t_ + kInside[0] * h), g_inside_);
+    evaluate(t_ + kInside[1] * h, rough_at(t_ + kInside[1] * h), g_);
+    const double noise = h < 0.1 * (parts_.front() - t_before_) ? 0.05 : 0.25;
+    for (std::size_t i = 0; i < n_; ++i) {
+      if (!may(i)) continue;
+      const double a = g_begin_[i], b = g_end_[i], m = h * slope_begin_[i], n = h * slope_end_[i],
+                   size = std::max(std::abs(a), std::abs(b)), change = std::max(std::abs(m), std::abs(n));
+      const auto [least, most] = std::minmax({a, b, g_inside_[i], g_[i]});
+      if (kWay * change > noise * (most - least)) continue;  // over a thousandth it differs as over all of it: rounding
+      if (turns(a, b, m, n, kCubic * (size + change))) return true;
+      for (std::size_t k = 0; k < std::size(kInside); ++k) {
+        const double s = kInside[k], r = 1.0 - s, g = k == 0 ? g_inside_[i] : g_[i],
+                     cubic = r * r * (1.0 + 2.0 * s) * a + s * s * (1.0 + 2.0 * r) * b + s * r * (r * m - s * n), off = std::abs(g - cubic);
         if (sign(a) == sign(b) && sign(a) != sign(g)) return true;
-        if ((sign(a) != sign(b) || kReach * off > least) && off > kCubic * (size + change)) return true;
+        if ((sign(a) != sign(b) || kReach * off > std::min({std::abs(a), std::abs(b), std::abs(g)})) && off > kCubic * (size + change))
+          return true;
       }
     }
     return false;
+  }
+
+  /// Whether the cubic with the values a, b and slopes m, n at the ends of [0, 1] may be zero more than once inside, or twice where dip()
+  /// does not look for it.
+  static bool turns(double a, double b, double m, double n, double margin) {
+    const double side = sign(b), c2 = 3.0 * (b - a) - 2.0 * m - n, c3 = 2.0 * (a - b) + m + n, under = c2 * c2 - 3.0 * c3 * m;
+    if (!(under > 0.0)) return false;
+    const double q = -(c2 + std::copysign(std::sqrt(under), c2));  // where its slope is zero: q / (3 c3) and m / q
+    const auto [first, second] = std::minmax({q / (3.0 * c3), m / q});
+    const auto is_inside = [](double u) { return u > 0.0 && u < 1.0; };
+    const auto at = [&](double u) { return side * (a + u * (m + u * (c2 + u * c3))); };
+    if (sign(a) != sign(b)) return is_inside(first) && is_inside(second) && at(first) > -margin && at(second) < margin;
+    if (side * m < 0.0 && side * n > 0.0) return false;
+    return (is_inside(first) && at(first) < margin) || (is_inside(second) && at(second) < margin);
   }
 
   /// In (t_, t_end], where values and slopes at both ends are known: t_ becomes the time of the event.
@@ -280,7 +299,7 @@ class EventFinder {
   double t_ = 0.0, quiet_until_ = -kNever;
 
   double t_before_ = 0.0, quiet_until_before_ = -kNever;  // [s] as they were before the last find(), as g_before_ and quiet_before_
-  std::vector<double> g_begin_, g_end_, g_, g_before_, slope_begin_, slope_end_, slope_before_, t_begin_, t_cross_;
+  std::vector<double> g_begin_, g_end_, g_, g_before_, g_inside_, slope_begin_, slope_end_, slope_before_, t_begin_, t_cross_;
   bool slopes_known_ = false, slopes_known_before_ = false;  // at the beginning
   std::vector<double> parts_;                                // [s] ends of parts of a step, the next one last
   std::vector<int> crossed_;

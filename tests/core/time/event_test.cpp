@@ -166,6 +166,51 @@ TEST_P(EveryMethodEvents, ALongStepHasAllOfItsCrossings) {
     }
 }
 
+/// A cubic between two ends may be zero three times, or twice where its slopes at the ends do not point inwards.
+TEST_P(EveryMethodEvents, ACubicHasAllOfItsCrossings) {
+  const double zeros[][3] = {{0.2, 0.45, 0.8}, {0.2, 0.55, 0.8}, {-0.05, 0.45, 0.65}, {0.1, 0.15, 1.3}, {0.3, 0.9, 0.95}};
+  for (const auto& at : zeros) {
+    auto integrator = make_by(with_roots(problem(1, [](double, const double*, double* xdot) { return xdot[0] = 0.0, true; }), 1,
+                                         [&](double t, const double*, double* g) { g[0] = (t - at[0]) * (t - at[1]) * (t - at[2]); }),
+                              GetParam() == "rk4" ? rk4(1.0) : adaptive(GetParam(), 1e-6));
+    double x = 1.0, t = 0.0;
+    integrator->restart(t, &x);
+    std::vector<double> found;
+    while (t < 1.0) {
+      const StepReport report = integrator->step(1.0, &x);
+      t = report.t;
+      if (report.event) found.push_back(t);
+    }
+    std::vector<double> expected;
+    for (const double zero : at)
+      if (zero > 0.0 && zero < 1.0) expected.push_back(zero);
+    ASSERT_EQ(found.size(), expected.size()) << at[0] << " " << at[1] << " " << at[2];
+    for (std::size_t k = 0; k < found.size(); ++k) EXPECT_NEAR(found[k], expected[k], 1e-11);
+  }
+}
+
+/// What is zero but for rounding, or near it, has no waves to be looked for.
+TEST_P(EveryMethodEvents, RoundingIsNotLookedInto) {
+  for (const double beside : {0.0, 2e-15, 5e-14}) {
+    auto integrator = make(with_roots(oscillator(), 1, [&](double t, const double*, double* g) {
+      g[0] = std::sin(t + 0.1) - (std::sin(t) * std::cos(0.1) + std::cos(t) * std::sin(0.1)) + beside;
+    }));
+    double x[2] = {1.0, 0.0}, t = 0.0;
+    integrator->restart(t, x);
+    long events = 0;
+    while (t < 20.0) {
+      const StepReport report = integrator->step(20.0, x);
+      t = report.t;
+      events += report.event ? 1 : 0;
+    }
+    const IntegratorStatistics s = integrator->statistics();
+    EXPECT_LT(s.root_evaluations, 20 * (s.steps + 3 * events)) << beside;
+    if (beside > 1e-14) {
+      EXPECT_EQ(events, 0);
+    }
+  }
+}
+
 /// The same where the step before had no inside: a run that was stopped a rounding later.
 TEST_P(EveryMethodEvents, ADipIsSeenBehindAStepOfRounding) {
   auto integrator = make_by(with_roots(oscillator(), 1, [](double t, const double*, double* g) { g[0] = (t - 1.25) * (t - 1.25) - 1e-6; }),
