@@ -559,10 +559,11 @@ class RungeKutta final : public Integrator {
     if constexpr (Method::adaptive) {
       if (t == whole || tries_ == 0) return true;
       error_ = error_norm(t1_ - t0_);
-      if (!(error_ > 1.0)) return true;
+      const bool accurate = !(error_ > 1.0), first = tries_ == kTries && t - t0_ > 1e-6 * (whole - t0_);
+      if (accurate && !first) return true;
       --tries_;
-      count_rejection(statistics_.rejected, problem_, largest_of(share_.data(), n_));
-      h_ = std::max(0.2, change_by(error_)) * (t1_ - t0_);
+      if (!accurate) count_rejection(statistics_.rejected, problem_, largest_of(share_.data(), n_));
+      h_ = (accurate ? 0.25 : std::max(0.2, change_by(error_))) * (t1_ - t0_);  // a stage may be what alone felt it, and weighs nothing
       events_.take_back();
       report.event = false;
       return false;

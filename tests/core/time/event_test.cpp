@@ -287,6 +287,30 @@ TEST_P(EveryMethodEvents, AShortContactIsNotPassed) {
     }
 }
 
+/// One that gives back nothing of what pushes it far: of a step past it all of dopri5's stages but the second feel none of it, and that one
+/// has no weight, neither in the step nor in its error.
+TEST_P(EveryMethodEvents, AShortContactIsNotPassedByTheStageWithoutWeight) {
+  const double g = 9.81, up = 1.5785894252515869, level = 0.11920942665876993, stiffness = 1490330.0, loss = 0.2;
+  OdeProblem ball = problem(2, [&](double, const double* x, double* xdot) {
+    const double depth = std::max(0.0, x[0] - level);
+    xdot[0] = x[1];
+    xdot[1] = -g - std::max(0.0, stiffness * std::pow(depth, 1.5) * (1.0 + loss * x[1]));
+    return true;
+  });
+  ball.absolute_tolerance.assign(2, 1e-8);
+  auto integrator = make_by(with_roots(ball, 1, [&](double, const double* x, double* out) { out[0] = x[0] - level; }),
+                            GetParam() == "rk4" ? rk4(1e-4) : adaptive(GetParam(), 1e-8));
+  double x[2] = {0.0, up}, t = 0.0;
+  integrator->restart(t, x);
+  while (t < 1.0) {
+    const StepReport report = integrator->step(1.0, x);
+    t = report.t;
+    if (report.event) integrator->restart(t, x);
+  }
+  const double passes = up - g * 1.0;  // had it not been felt
+  EXPECT_GT(std::abs(x[1] - passes), 0.3);
+}
+
 /// Near them, by the state as it is known inside of the step: an event of the same function takes at least as many right-hand sides. Each
 /// once, whether the method starts anew there or not; ARKODE does so by itself and chooses its first step anew, which may be lucky.
 TEST_P(EveryMethodEvents, ACornerEndsAStep) {
