@@ -559,7 +559,7 @@ class RungeKutta final : public Integrator {
     if constexpr (Method::adaptive) {
       if (t == whole || tries_ == 0) return true;
       error_ = error_norm(t1_ - t0_);
-      const bool accurate = !(error_ > 1.0), first = tries_ == kTries && t - t0_ > 1e-6 * (whole - t0_);
+      const bool accurate = !(error_ > 1.0), first = tries_ == kTries && !events_.at_corners() && t - t0_ > 1e-6 * (whole - t0_);
       if (accurate && !first) return true;
       --tries_;
       if (!accurate) count_rejection(statistics_.rejected, problem_, largest_of(share_.data(), n_));

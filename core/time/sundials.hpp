@@ -448,7 +448,7 @@ class Sundials final : public Integrator {
       if constexpr (!Api::multistep) {
         events_.take_back();
         take_back();
-        report.limit = advance(report.t);
+        advance(report.t);  // what limited the step is what limited the whole one
         report.t = t_internal_;
       }
     }
