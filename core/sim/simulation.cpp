@@ -588,7 +588,8 @@ void Simulation::begin_ledger() {
         energy += 0.5 * f.K[at] * std::pow(absolute[static_cast<std::size_t>(b.eta + j)], 2);
       }
     const Momentum p = observer_->momentum();
-    balances_.set_least(p.linear_magnitude, p.angular_magnitude, energy);
+    balances_.set_least(p.linear_magnitude, p.angular_parts,
+                        energy);  // place times momentum: of what moves to the origin the product is rounding
   }
   observed_ = false;
   balances_.begin(momentum(), energy());

@@ -59,11 +59,11 @@ class Exponential final : public LinearPartIntegrator {
   }
 
   /// The rule of order 2 on the same rates, the trapezium, is apart by that; how much it is below what the trapezium adds tells what an
-  /// order gains.
-  Eigen::ArrayXd& error_of_integrals() override {
+  /// order gains. Inside of a step the polynomial through them gains nothing.
+  Eigen::ArrayXd& error_of_integrals(bool inside) override {
     for (int i = 0; i < n_y_; ++i) {
       const double apart = std::abs(g_[0][i] - 2.0 * g_[1][i] + g_[2][i]) / 3.0, trapezium = 0.5 * std::abs(g_[2][i] - g_[0][i]);
-      y_share_[i] = apart * (apart < trapezium ? apart / trapezium : 1.0);
+      y_share_[i] = apart * (apart < trapezium && !inside ? apart / trapezium : 1.0);
     }
     return y_share_;
   }

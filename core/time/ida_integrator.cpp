@@ -99,6 +99,7 @@ class Ida final : public Integrator {
         report.event = events_.find(report.t, [this](double t) { return state_at(t); });
         if (report.event) report.crossed = events_.crossed(), report.limit = StepLimit::stop;
       }
+      if (entered_) add_node(report.t);
       t_ = report.t;
       report.order = statistics_.last_order;
     }
@@ -217,7 +218,7 @@ class Ida final : public Integrator {
     check(IDASetInitStep(memory_.get(), initial_step_), "IDASetInitStep");
     errors_failed_ = unconverged_ = 0;
     entered_ = true;
-    if (problem_.n_quadrature > 0) add_node();
+    add_node(t_internal_);
   }
 
   StepLimit advance(double t_stop) {
@@ -240,7 +241,6 @@ class Ida final : public Integrator {
     IDAGetLastOrder(memory_.get(), &statistics_.last_order);
     if (!form_.leave(t_internal_, y_.data(), x_.data(), true)) fail(IDA_RES_FAIL);
     if (problem_.project) problem_.project(t_internal_, x_.data());
-    if (problem_.n_quadrature > 0) add_node();
     if (problem_.n_quadrature > 0) statistics_.error_sum += std::min(1.0, N_VWrmsNorm(errors_vector_.get(), weights_vector_.get()));
     if (shortened && worst_ >= 0) return StepLimit::error;
     if (flag == IDA_TSTOP_RETURN) return StepLimit::stop;
@@ -264,13 +264,15 @@ class Ida final : public Integrator {
     return failed > 0;
   }
 
-  /// Rates of the integrals at x_, which is that of the end of a step.
-  void add_node() {
-    if (!problem_.rhs(t_internal_, x_.data(), rate_.data()))
-      fail_integration(Code::integrator_failed, t_internal_, "the right-hand side cannot be evaluated", "a smaller step");
-    problem_.integrands(t_internal_, x_.data(), integrand_.data());
+  /// Rates of the integrals at t: the end of a step, or an event inside of it, beyond which something else may act.
+  void add_node(double t) {
+    if (problem_.n_quadrature == 0) return;
+    const double* x = state_at(t);
+    if (!problem_.rhs(t, x, rate_.data()))
+      fail_integration(Code::integrator_failed, t, "the right-hand side cannot be evaluated", "a smaller step");
+    problem_.integrands(t, x, integrand_.data());
     ++statistics_.integrand_calls;
-    nodes_.add(t_internal_, integrand_.data());
+    nodes_.add(t, integrand_.data());
   }
 
   [[noreturn]] void fail(int flag) {

@@ -87,6 +87,7 @@ class Multirate final : public LinearPartIntegrator {
       advance(h, fine, {r_n_.data(), r_1_.data(), r_2_.data()}, z1_);
       if (!all_finite(z1_.data(), n_)) return kNever;
       apart_ = norm(z1_ - coarse_);
+      fine_ = fine;
       if (fine == 2 * n) first = apart_;
       if (apart_ > kShare) continue;
       if (fine > 2 * n)
@@ -98,13 +99,27 @@ class Multirate final : public LinearPartIntegrator {
     return first;
   }
 
-  /// What Simpson's rule over both halves, through the rates of the sweep before, tells of that over the step.
-  Eigen::ArrayXd& error_of_integrals() override {
-    y_share_ = 16.0 / 15.0 / 12.0 * (g_[0] - 4.0 * g_a_ + 6.0 * g_[1] - 4.0 * g_b_ + g_[2]).abs();
+  /// What Simpson's rule over both halves, through the rates of the sweep before, tells of that over the step, and these rates of its
+  /// polynomial inside. Where they do not fall off, the step has swings in it that they do not resolve: then by how much they differ, and
+  /// of several swings how large they are.
+  Eigen::ArrayXd& error_of_integrals(bool inside) override {
+    constexpr double kFallsOff = 0.05;
+    const auto largest = [](double a, double b, double c, double d, double e) { return std::max({a, b, c, d, e}); };
+    for (int i = 0; i < n_y_; ++i) {
+      const double a = g_[0][i], b = g_a_[i], c = g_[1][i], d = g_b_[i], e = g_[2][i];
+      const double halves = 16.0 / 15.0 / 12.0 * std::abs(a - 4.0 * b + 6.0 * c - 4.0 * d + e);
+      const double quarters = std::max(std::abs(b - 0.375 * a - 0.75 * c + 0.125 * e), std::abs(d + 0.125 * a - 0.75 * c - 0.375 * e));
+      const double apart = largest(a, b, c, d, e) + largest(-a, -b, -c, -d, -e), share = inside ? quarters : halves;
+      const bool resolved = fine_ <= 2 * kFewest && share <= kFallsOff * apart;
+      y_share_[i] = resolved               ? share
+                    : fine_ <= 2 * kFewest ? apart
+                                           : largest(std::abs(a), std::abs(b), std::abs(c), std::abs(d), std::abs(e));
+    }
     return y_share_;
   }
 
   double piece_ = 0.0;                        // [s] the longest piece to try; 0: not known
+  int fine_ = 0;                              // pieces of the last step
   double apart_ = 0.0;                        // of the last two numbers of pieces, in the norm of the error
   Eigen::ArrayXd middle_, end_, coarse_, e_;  // states; e_: by the last two sweeps
   Eigen::ArrayXd r_a_, r_b_;                  // N

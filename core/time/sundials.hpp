@@ -135,6 +135,7 @@ class Sundials final : public Integrator {
 
   void restart(double t, const double* x) override {
     begin_stretch();
+    fell_short_ = 0;
     if (!Api::multistep && t != t_) next_step_ = initial_step_, near_limit_ = 0, since_linear_ = -1;
     evaluated_ = false;
     std::copy_n(x, problem_.n, x_.begin());
@@ -161,6 +162,7 @@ class Sundials final : public Integrator {
           if (report.event) next_step_ = initial_step_;  // what acts from here on may be far shorter, as a contact is
         }
       }
+      if constexpr (Api::multistep) note_rates(report.t);
       t_ = report.t;
       report.order = Api::last_order(memory_.get(), name_);
     }
@@ -384,6 +386,22 @@ class Sundials final : public Integrator {
     quadrature_.add(t, rates_.data());
   }
 
+  /// Of a method of many steps, at t, where the last one ends. An event inside of theirs is a node of its own: what acts may have a corner
+  /// there, and the end of theirs lies beyond.
+  void note_rates(double t) {
+    if (problem_.n_quadrature == 0 || still_) return;
+    if (t == t_internal_) return quadrature_.add(t, rates_.data());
+    state_at(t);
+    aside_ = true;
+    const int flag = evaluate(t, x_out_.data(), beside_rate_.data());
+    aside_ = false;
+    if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
+    if (flag != 0) return;
+    ++integrand_calls_;
+    problem_.integrands(t, x_out_.data(), part_.data());
+    quadrature_.add(t, part_.data());
+  }
+
   /// A part of Newton's equations that may refuse or throw; `out`: n numbers that must be finite, or null.
   template <class Part>
   int solve_part(const char* refused, const double* out, const Part& part) noexcept {
@@ -439,19 +457,27 @@ class Sundials final : public Integrator {
   void find_event(StepReport& report, bool to_it) {
     constexpr int kTries = 8;
     constexpr double kThere = 1e-7;  // of the step, from its ends
+    constexpr int kShort = 2;
     const double there = std::max(kThere * (t_internal_ - t_), 64.0 * std::numeric_limits<double>::epsilon() * std::abs(t_));
     const auto state = [this](double t) { return state_at(t); };
+    const int worst = worst_;
+    const double whole = report.t;
     for (int tries = to_it && !still_ ? kTries : 0;; --tries) {
       const auto beside_at = [this](double t, double dt) { return beside(t, dt); };
       report.event = events_.find(report.t, state, state, beside_at, [this](double t) { return roughly(t); });
-      if (tries == 0 || !report.event || events_.at_corners() || t_internal_ - report.t <= there || report.t - t_ <= there) break;
+      const double way = report.t - t_;
+      if (tries == 0 || !report.event || events_.at_corners() || t_internal_ - report.t <= there || way <= there) break;
+      if (fell_short_ >= kShort && way <= 2.0 * last_way_) break;  // their sum of stages does not come there for rounding
       if constexpr (!Api::multistep) {
+        last_way_ = way;
         events_.take_back();
         take_back();
-        advance(report.t);  // what limited the step is what limited the whole one
+        advance(report.t);
         report.t = t_internal_;
+        worst_ = worst;  // what limited the step is what limited the whole one
       }
     }
+    fell_short_ = report.event || report.t == whole ? 0 : fell_short_ + 1;
     if (report.event) report.crossed = events_.crossed(), report.limit = StepLimit::stop;
   }
   /// The last step, of a method of one step, has not been.
@@ -512,7 +538,7 @@ class Sundials final : public Integrator {
     since_linear_ = rejected_in_step_ || failed > 0 ? -1 : since_linear_ + 1;
     if (problem_.n_quadrature > 0) {
       if constexpr (Api::multistep)
-        add_node(t_internal_, x_.data());
+        take_rates(t_internal_, x_.data());
       else
         error_sum_ += Api::left_by_newton(name_);
       if (Api::multistep) {
@@ -529,7 +555,7 @@ class Sundials final : public Integrator {
       const bool cut = flag == kAtStop && !rejected_in_step_ && failed == 0;
       next_step_ = cut ? std::max(next_step_, next) : next;
     }
-    if (rejected_in_step_) return worst_ = blamed_, StepLimit::error;
+    if (rejected_in_step_) return worst_ = blamed_, worst_ >= 0 ? StepLimit::error : StepLimit::given;
     if (worst_ < 0 || failed > 0 || (max_step_ > 0.0 && h >= max_step_)) return StepLimit::given;
     return flag == kAtStop ? StepLimit::stop : StepLimit::error;
   }
@@ -799,7 +825,9 @@ class Sundials final : public Integrator {
   static constexpr double kStable = 3.0;       // h times an eigenvalue: about where explicit methods of order 5 and 6 end
   static constexpr int kLooks = 10;            // of that at most, half of them in doubt
   int near_limit_ = 0;
-  bool split_ = false;  // f into J_ (x - centre_) and the rest
+  int fell_short_ = 0;     // steps one after the other to an event that was not there
+  double last_way_ = 0.0;  // [s] to it
+  bool split_ = false;     // f into J_ (x - centre_) and the rest
   Eigen::MatrixXd J_;
   Eigen::VectorXd from_centre_, linear_part_;
   std::vector<double> centre_;

@@ -269,6 +269,7 @@ TEST_P(EveryMethodEvents, AShortContactIsNotPassed) {
     while (t < 20.0) {
       const StepReport report = integrator->step(20.0, x);
       t = report.t;
+      EXPECT_TRUE(report.limit != StepLimit::error || integrator->worst() >= 0) << level << " at " << t;
       if (report.event) ++met, integrator->restart(t, x);
     }
     EXPECT_EQ(met, 2) << level;
@@ -309,6 +310,25 @@ TEST_P(EveryMethodEvents, AShortContactIsNotPassedByTheStageWithoutWeight) {
   }
   const double passes = up - g * 1.0;  // had it not been felt
   EXPECT_GT(std::abs(x[1] - passes), 0.3);
+}
+
+/// Their rates have a corner there, beyond which the step goes on: what follows it is no part of them.
+TEST_P(EveryMethodEvents, IntegralsEndThereAsWell) {
+  constexpr double level = 0.3;
+  OdeProblem p = with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = x[0] - level; });
+  p.n_quadrature = 1;
+  p.integrands = [](double, const double* x, double* ydot) { ydot[0] = std::max(0.0, x[0] - level); };
+  auto integrator = make(p);
+  double x[2] = {1.0, 0.0}, y = 0.0, t = 0.0;
+  integrator->restart(t, x);
+  while (t < 3.0) {
+    const StepReport report = integrator->step(3.0, x);
+    t = report.t;
+    if (report.event) integrator->restart(t, x);
+  }
+  integrator->integrals(t, &y);
+  const double until = std::acos(level);
+  EXPECT_NEAR(y, std::sin(until) - level * until, GetParam() == "multirate" ? 1e-6 : 1e-8);  // of three rates in a long step
 }
 
 /// Near them, by the state as it is known inside of the step: an event of the same function takes at least as many right-hand sides. Each
