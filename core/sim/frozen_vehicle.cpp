@@ -90,9 +90,13 @@ void FrozenVehicle::make_modes(Body& b, const FlexibleBody& f) const {
 bool FrozenVehicle::holds_others() const { return held_ != model_->prescribed; }
 
 void FrozenVehicle::freeze(const double* at_q, const double* at_v) {
+  held_ = model_->prescribed;
+  freeze_held(at_q, at_v);
+}
+
+void FrozenVehicle::freeze_held(const double* at_q, const double* at_v) {
   const Model& m = *model_;
   tree_.at(at_q);
-  held_ = m.prescribed;
   ++frozen_;
   at_.assign(at_q, at_q + m.nq), at_.insert(at_.end(), at_v, at_v + m.nv);
   std::vector<int> coordinate(static_cast<std::size_t>(m.nv), -1);
@@ -257,11 +261,14 @@ void FrozenVehicle::remember(Archive& archive) {
   std::vector<double> at = at_, h;
   std::vector<long> used;
   for (const Step& s : steps_) h.push_back(s.h), used.push_back(s.used);
-  archive(at, h, used, used_);
+  std::vector<std::uint8_t> held = held_;
+  archive(at, held, h, used, used_);
   if (!archive.reading()) return;
-  const auto all = static_cast<std::size_t>(model_->nq + model_->nv);
-  if ((!at.empty() && at.size() != all) || h.size() > kSteps || used.size() != h.size()) archive.wrong("it is of another model");
-  if (!at.empty()) freeze(at.data(), at.data() + model_->nq);
+  const auto all = static_cast<std::size_t>(model_->nq + model_->nv), rates = static_cast<std::size_t>(model_->nv);
+  if ((!at.empty() && at.size() != all) || (!held.empty() && held.size() != rates) || h.size() > kSteps || used.size() != h.size())
+    archive.wrong("it is of another model");
+  held_ = held;  // what is held at this instant may be other components: then it is frozen anew
+  if (!at.empty()) freeze_held(at.data(), at.data() + model_->nq);
   steps_.clear();
   for (std::size_t i = 0; i < h.size(); ++i) {
     if (!(h[i] > 0.0 && h[i] * fastest_ < 1e6)) archive.wrong("a length of a step is none");

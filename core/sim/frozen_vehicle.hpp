@@ -45,7 +45,7 @@ class FrozenVehicle {
 
   /// Lengths of steps that differ by less are one [s]: instants of a schedule are rounded.
   void set_rounding(double dt) { rounding_ = dt; }
-  /// Where it is frozen, and the lengths of steps that are kept.
+  /// Where and with what held it is frozen, and the lengths of steps that are kept.
   void remember(Archive& archive);
 
   /// [rad/s] of the fastest mode that is solved in closed form; 0: there is none.
@@ -88,6 +88,7 @@ class FrozenVehicle {
     std::vector<Factor> factors;          // body by body
   };
   void make_modes(Body& b, const FlexibleBody& f) const;
+  void freeze_held(const double* q, const double* v);
   void spin(Body& b, int block, double speed);
   /// V_ from rates of coordinates.
   void move(const double* u) const;
