@@ -59,9 +59,7 @@ struct SunPlace {
     if (s.norm() > 0.0) return params.fail("direction", "none: the Sun is where the ephemerides have it at `epoch`");
     const auto epoch = Epoch::of(text, 0.0);
     if (!epoch) return params.fail("epoch", TurningPlanet::kDateExpected);
-    const int origin = params.choice("origin");
-    if (origin == static_cast<int>(Celestial::sun)) return params.fail("origin", "another than the Sun, which shines on it");
-    moves = 1, place = {static_cast<int>(Celestial::sun), origin, epoch->tt};
+    moves = 1, place = {static_cast<int>(Celestial::sun), params.choice("origin"), epoch->tt};
     return true;
   }
 };

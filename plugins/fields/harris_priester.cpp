@@ -64,7 +64,9 @@ struct HarrisPriester {
     const Eigen::Vector3d axis = params.vector("axis");
     p.axis[0] = axis.x(), p.axis[1] = axis.y(), p.axis[2] = axis.z();
     p.lag = params.number("lag"), p.half_exponent = 0.5 * params.number("exponent");
-    return p.sun.pack(params);
+    if (!p.sun.pack(params)) return false;
+    return p.sun.place.origin != static_cast<int>(Celestial::sun) || p.sun.moves == 0 ||
+           params.fail("origin", "another than the Sun, which heats the air");
   }
   static int prepare(const Packed& p, double t, Prepared& out) noexcept {
     Eigen::Vector3d sun(p.sun.direction);

@@ -45,8 +45,10 @@ struct Sunlight {
     if (!p.sun.pack(params)) return false;
     if (p.sun.moves == 0) return true;
     if (params.number("disc") != kDisc) return params.fail("disc", "none: that of the Sun goes by its distance, from `epoch` on");
-    const bool of_earth = p.radius == kEarthRadius && c.isZero(0.0);
-    if (params.choice("origin") != static_cast<int>(Celestial::earth) && of_earth)
+    const int origin = params.choice("origin");
+    if (origin == static_cast<int>(Celestial::sun) && p.radius > 0.0 && c.isZero(0.0))
+      return params.fail("radius", "0, for no shadow: the Sun is at the origin");
+    if (origin != static_cast<int>(Celestial::earth) && p.radius == kEarthRadius && c.isZero(0.0))
       return params.fail("radius", "that of the body at the origin, 1737.4 km of the Moon; 0: no shadow", "6378.137 km, that of Earth");
     return true;
   }

@@ -277,6 +277,14 @@ TEST(Sunlight, ComesFromTheSunOfItsDate) {
             1.0 - 1e-8);
 }
 
+/// About the Sun it comes from the origin.
+TEST(Sunlight, GoesOutFromTheSunAtTheOrigin) {
+  const AskedField light("sunlight", {{"origin", {0.0}}, {"radius", {0.0}}}, {{"epoch", "2026-01-03T17:00:00 UTC"}});
+  const Vector3d place(1e11, -2e11, 5e10);
+  const Vector3d wanted = 1361.0 * std::pow(149597870700.0 / place.norm(), 2) * place.normalized();
+  EXPECT_LE((light.at(place, 5e6).value.head<3>() - wanted).norm(), 1e-15 * wanted.norm());
+}
+
 /// The bulge follows the Sun of the date as it does one that stands there.
 TEST(HarrisPriester, HasItsBulgeBehindTheSunOfItsDate) {
   const std::string date = "2026-04-03T17:00:00 UTC";
@@ -287,6 +295,11 @@ TEST(HarrisPriester, HasItsBulgeBehindTheSunOfItsDate) {
   const AskedField still("harris_priester", {{"exponent", {2.0}}, {"direction", {sun.x(), sun.y(), sun.z()}}});
   for (const Vector3d& x : {Vector3d(6.9e6, 1e5, 2e5), Vector3d(-3e6, 5e6, 4e6)})
     EXPECT_NEAR(moving.at(x, t).value[0] / still.at(x, 7.0).value[0], 1.0, 1e-11);
+}
+
+TEST(HarrisPriester, IsAirOfAPlanet) {
+  EXPECT_EQ(AskedField("harris_priester", {{"origin", {0.0}}}, {{"epoch", "2026-04-03T17:00:00 UTC"}}).refusal(),
+            "another than the Sun, which heats the air");
 }
 
 TEST(Ellipsoid, HasAHeightAtItsCentre) {
@@ -304,6 +317,8 @@ TEST(Sunlight, KnowsWhatItsShadowIsOf) {
   EXPECT_EQ(refusal({{"origin", {1.0}}, {"radius", {1737.4e3}}}, at), "");
   EXPECT_EQ(refusal({{"origin", {1.0}}, {"radius", {0.0}}}, at), "");
   EXPECT_EQ(refusal({{"origin", {1.0}}, {"centre", {3.8e8, 0.0, 0.0}}}, at), "");  // of the Earth, where it is then
+  EXPECT_EQ(refusal({{"origin", {0.0}}}, at), "0, for no shadow: the Sun is at the origin");
+  EXPECT_EQ(refusal({{"origin", {0.0}}, {"radius", {0.0}}}, at), "");
   EXPECT_EQ(refusal({{"disc", {5e-3}}}, at), "none: that of the Sun goes by its distance, from `epoch` on");
   EXPECT_EQ(refusal({{"direction", {1.0, 0.0, 0.0}}, {"disc", {5e-3}}}, {}), "");
 }
