@@ -27,6 +27,7 @@ namespace {
 // A tick takes a microsecond at best, and the integrator starts again after it: some 10 us. A day at least, and minutes.
 constexpr double kTooManyTicks = 1e10, kManyTicks = 1e7;
 constexpr double kLargeBytes = 2e9;
+constexpr double kLeftOfPull = 1e-9;  // of the weight: some 0.1 m in each turn of a low orbit
 
 double seconds(const Rational& r) { return static_cast<double>(r.numerator) / static_cast<double>(r.denominator); }
 
@@ -137,6 +138,46 @@ void choose_method_of(Scenario& s) {
   s.sim->set_options(s.mission.simulation);
 }
 
+/// A body, with all that is fixed to it, in a central field.
+struct Pulled {
+  const BodySpec* spec;
+  double distance, gyration;  // [m] from the centre to its mass centre, radius about that
+};
+std::vector<Pulled> pulled_by_centre(const std::shared_ptr<const Model>& model, const double* q) {
+  std::vector<Pulled> found;
+  const Model& m = *model;
+  if (m.gravity.kind != GravitySpec::Kind::central) return found;
+  operators::TreeOperators tree(open_tree(model));  // poses and masses are those of the closed one
+  tree.at(q);
+  const operators::Placements placed(tree);
+  for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
+    const Eigen::Matrix<double, 6, 6> M = tree.M(static_cast<int>(i)).topLeftCorner<6, 6>();  // [J, m c~; -m c~, m]
+    const double mass = M(3, 3);
+    if (mass <= 0.0) continue;
+    const Eigen::Vector3d com = Eigen::Vector3d(M(2, 4), M(0, 5), M(1, 3)) / mass;
+    const operators::Placement &frame = placed.bodies[i], &reference = placed.reference;
+    found.push_back({&m.spec->bodies[static_cast<std::size_t>(tree.bodies()[i].user)],
+                     (reference.p + reference.R * (frame.p + frame.R * com) - m.gravity.centre).norm(),
+                     std::sqrt(std::max(0.0, 0.5 * M.topLeftCorner<3, 3>().trace() / mass - com.squaredNorm()))});
+  }
+  return found;
+}
+
+/// The pull is to second order in size over distance (docs/mathematics/gravity.md, 2), of bodies that are fixed to each other as of one.
+void look_at_long_bodies(Scenario& s) {
+  if (!s.model->gravity.gradient) return;
+  for (const Pulled& b : pulled_by_centre(s.model, s.sim->state().q.data())) {
+    const double rest = std::pow(b.gyration / b.distance, 3);
+    if (rest < kLeftOfPull) continue;
+    s.warnings.add(
+        Code::beyond_the_model, s.model->spec->locate(body_path(*b.spec)),
+        fmt::format("{}, with what is locked to it, has a radius of gyration of {:.3g} m, {:.3g} m from the centre of gravity: its pull "
+                    "is to second order in that, which leaves out some {:.1g} of the weight",
+                    b.spec->name, b.gyration, b.distance, rest),
+        "bodies on hinges that move, `prescribed` ones too, are pulled each where it is");
+  }
+}
+
 void look_at_sizes(Scenario& s) {
   const double columns = 4.0 * s.model->nv + 2.0 * s.model->nq, rows = s.mission.duration / seconds(s.mission.output_period);
   if (rows * columns * sizeof(double) > kLargeBytes)
@@ -155,26 +196,13 @@ void look_at_sizes(Scenario& s) {
 }  // namespace
 
 void expect_away_from_centre(const std::shared_ptr<const Model>& model, const double* q) {
-  const Model& m = *model;
-  if (m.gravity.kind != GravitySpec::Kind::central) return;
-  operators::TreeOperators tree(open_tree(model));  // poses and masses are those of the closed one
-  tree.at(q);
-  const operators::Placements placed(tree);
-  for (std::size_t i = 0; i < tree.bodies().size(); ++i) {
-    const UserBody& u = m.user[static_cast<std::size_t>(tree.bodies()[i].user)];
-    const BodySpec& b = m.spec->bodies[static_cast<std::size_t>(tree.bodies()[i].user)];
-    const Eigen::Matrix<double, 6, 6> M = tree.M(static_cast<int>(i)).topLeftCorner<6, 6>();  // [J, m c~; -m c~, m]
-    const double mass = M(3, 3);
-    if (mass <= 0.0) continue;
-    const Eigen::Vector3d com = Eigen::Vector3d(M(2, 4), M(0, 5), M(1, 3)) / mass;
-    const double gyration = std::sqrt(std::max(0.0, 0.5 * M.topLeftCorner<3, 3>().trace() / mass - com.squaredNorm()));
-    const operators::Placement &frame = placed.bodies[i], &reference = placed.reference;
-    const double distance = (reference.p + reference.R * (frame.p + frame.R * com) - m.gravity.centre).norm();
-    if (distance > gyration) continue;
-    refuse(Code::bad_initial_state, m.spec->locate(body_path(b) + ".hinge.initial"), "mass centres away from the centre of the field",
+  for (const Pulled& b : pulled_by_centre(model, q)) {
+    if (b.distance > b.gyration) continue;
+    refuse(Code::bad_initial_state, model->spec->locate(body_path(*b.spec) + ".hinge.initial"),
+           "mass centres away from the centre of the field",
            fmt::format("body {} is at the centre of gravity.central: its mass centre is {:.3g} m from it, its radius of gyration "
                        "{:.3g} m",
-                       u.name, distance, gyration),
+                       b.spec->name, b.distance, b.gyration),
            "give its orbit: initial: {position: [7000 km, 0, 0], velocity: [0, 7.5 km/s, 0]}, or `initial` in the mission, before what "
            "asks for its motion");
   }
@@ -246,6 +274,7 @@ void examine(Scenario& s) {
   choose_method_of(s);
   look_at_open_loops(s);
   expect_away_from_centre(s.model, s.sim->state().q.data());
+  look_at_long_bodies(s);
   expect_tolerances_above_rounding(s);
   look_at_ticks(s);
   look_at_dates(s);
