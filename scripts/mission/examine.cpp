@@ -141,6 +141,7 @@ void choose_method_of(Scenario& s) {
 /// A body, with all that is fixed to it, in a central field.
 struct Pulled {
   const BodySpec* spec;
+  bool several;
   double distance, gyration;  // [m] from the centre to its mass centre, radius about that
 };
 std::vector<Pulled> pulled_by_centre(const std::shared_ptr<const Model>& model, const double* q) {
@@ -154,21 +155,24 @@ std::vector<Pulled> pulled_by_centre(const std::shared_ptr<const Model>& model, 
     const Eigen::Matrix<double, 6, 6> M = tree.M(static_cast<int>(i)).topLeftCorner<6, 6>();  // [J, m c~; -m c~, m]
     const double mass = M(3, 3);
     if (mass <= 0.0) continue;
+    const int user = tree.bodies()[i].user, sweep = m.user[static_cast<std::size_t>(user)].sweep;
     const Eigen::Vector3d com = Eigen::Vector3d(M(2, 4), M(0, 5), M(1, 3)) / mass;
     const operators::Placement &frame = placed.bodies[i], &reference = placed.reference;
-    found.push_back({&m.spec->bodies[static_cast<std::size_t>(tree.bodies()[i].user)],
+    found.push_back({&m.spec->bodies[static_cast<std::size_t>(user)],
+                     std::ranges::any_of(m.user, [&](const UserBody& u) { return u.merged && u.sweep == sweep; }),
                      (reference.p + reference.R * (frame.p + frame.R * com) - m.gravity.centre).norm(),
                      std::sqrt(std::max(0.0, 0.5 * M.topLeftCorner<3, 3>().trace() / mass - com.squaredNorm()))});
   }
   return found;
 }
 
-/// The pull is to second order in size over distance (docs/mathematics/gravity.md, 2), of bodies that are fixed to each other as of one.
+/// The pull is to second order in size over distance (docs/mathematics/gravity.md, 2): all that mass and inertia tell of one body, and not
+/// of several that are fixed to each other.
 void look_at_long_bodies(Scenario& s) {
   if (!s.model->gravity.gradient) return;
   for (const Pulled& b : pulled_by_centre(s.model, s.sim->state().q.data())) {
     const double rest = std::pow(b.gyration / b.distance, 3);
-    if (rest < kLeftOfPull) continue;
+    if (!b.several || rest < kLeftOfPull) continue;
     s.warnings.add(
         Code::beyond_the_model, s.model->spec->locate(body_path(*b.spec)),
         fmt::format("{}, with what is locked to it, has a radius of gyration of {:.3g} m, {:.3g} m from the centre of gravity: its pull "

@@ -461,6 +461,7 @@ bodies:
       << text;
   EXPECT_FALSE(has(told("true", "{type: locked, to: {body: low, position: [10 km, 0, 0]}}"), "W0301"));  // 4.3 km: 2e-10
   EXPECT_FALSE(has(told("false", locked), "W0301"));
+  EXPECT_FALSE(has(told("true", "{type: free, to: world, initial: {position: [0, 7000 km, 0]}}"), "W0301"));
   EXPECT_FALSE(has(told("true", "{type: prismatic, axis: [1, 0, 0], to: low, initial: {displacement: 200 km}}"), "W0301"));
 }
 
