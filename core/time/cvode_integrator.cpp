@@ -28,6 +28,7 @@ struct Cvodes {
   static int restart(void* m, const std::string&, const sundials::Rates&, double t, N_Vector x) { return CVodeReInit(m, t, x); }
   static int step(void* m, double t_stop, N_Vector x, double* t) { return CVode(m, t_stop, x, t, CV_ONE_STEP); }
   static int dense_output(void* m, double t, N_Vector x) { return CVodeGetDky(m, t, 0, x); }
+  static int slope(void* m, double t, N_Vector xdot) { return CVodeGetDky(m, t, 1, xdot); }
   static int error_failures(void* m, long* n) { return CVodeGetNumErrTestFails(m, n); }
   static int last_order(void* m, const std::string&) {
     int order = 0;

@@ -33,6 +33,10 @@ class NodeQuadrature {
     count_ = done_ = 0;
   }
 
+  /// By which the integrals are off because the rates are.
+  void add_error(const double* error) {
+    for (std::size_t i = 0; i < n_; ++i) error_[i] += error[i];
+  }
   /// The rates at t, after all nodes of this stretch. A step that is nothing beside the one before makes no node: differences over it
   /// would be round-off.
   void add(double t, const double* rates) {
@@ -140,7 +144,7 @@ class NodeQuadrature {
           best[i] = kept ? total[i] : best[i];
           last[i] = kept ? size : last[i];
           before[i] = size;
-          least[i] = kept && !inside ? std::min(two, least[i]) : least[i];
+          if (!inside) least[i] = kept ? std::min(two, least[i]) : -1.0;  // none after one that grew
         }
       }
       std::copy_n(best.begin(), std::min(kLanes, n_ - block), sums_.begin() + static_cast<std::ptrdiff_t>(block));

@@ -53,6 +53,31 @@ TEST(Cvode, BdfIsNotHeldByItsStability) {
   EXPECT_LT(integrator->statistics().steps, 40000);  // 90,000 without
 }
 
+/// x follows a moving place by a stiff force, within the tolerance; the force is off by as much of it as Newton's iteration leaves, a
+/// tenth, times its stiffness of 1e6. Integrals are those of the last evaluation of f, and what they lack of the momentum is told.
+TEST(Cvode, IntegralsOfStiffForcesBalanceWhatTheyMove) {
+  for (const double tolerance : {1e-6, 1e-8, 1e-10}) {
+    double force = 0.0;
+    OdeProblem p = problem(
+        1,
+        [&](double t, const double* x, double* xdot) {
+          const double off = x[0] - 0.1 * std::sin(3.0 * t);
+          xdot[0] = force = -1e3 * off / std::sqrt(1e-6 + off * off);
+          return true;
+        },
+        tolerance);
+    p.n_quadrature = 1;
+    p.integrands = [&](double, const double*, double* ydot) { ydot[0] = force; };
+    auto integrator = make_integrator(p, adaptive("cvode_bdf", tolerance));
+    constexpr double end = 5.0;
+    const double x = integrate(*integrator, 0.0, {0.0}, end)[0];
+    double y = 0.0, error = 0.0;
+    integrator->integrals(end, &y, &error);
+    EXPECT_LT(std::abs(x - y), 0.1 * 1e6 * tolerance * end) << tolerance;
+    EXPECT_LT(std::abs(x - y), 10.0 * (tolerance * integrator->statistics().error_sum + error)) << tolerance;
+  }
+}
+
 TEST(Cvode, AdamsReachesHighOrder) {
   auto integrator = make_integrator(oscillator(), adaptive("cvode_adams", 1e-12));
   integrate(*integrator, 0.0, {1.0, 0.0}, 20.0);

@@ -365,6 +365,31 @@ TEST_P(EveryMethodEvents, ACornerEndsAStep) {
   }
 }
 
+/// A push that is away from 90 s to 110 s, and goes and comes in 0.1 s, in steps that are longer than all of that: up to a corner a step is
+/// that of one which ends there, whatever the stages of the whole one met beyond.
+TEST_P(EveryMethodEvents, ACornerIsReachedByAStepOfItsOwn) {
+  OdeProblem p = with_roots(problem(2,
+                                    [](double, const double* x, double* xdot) {
+                                      xdot[0] = 1.0;
+                                      xdot[1] = -std::clamp(10.0 * (std::abs(x[0] - 100.0) - 9.9), 0.0, 1.0);
+                                      return true;
+                                    }),
+                            2, [](double, const double* x, double* g) {
+                              const double off = std::abs(x[0] - 100.0);
+                              g[0] = off - 10.0, g[1] = off - 9.9;
+                            });
+  p.n_corners = 2;
+  auto integrator = make_by(p, GetParam() == "rk4" ? rk4(7.0) : adaptive(GetParam(), 1e-9));
+  double x[2] = {0.0, 0.0}, t = 0.0;
+  integrator->restart(t, x);
+  while (t < 1000.0) {
+    const StepReport report = integrator->step(1000.0, x);
+    t = report.t;
+    if (report.event) integrator->restart(t, x);
+  }
+  EXPECT_NEAR(x[1], -980.1, 1e-5);
+}
+
 TEST_P(EveryMethodEvents, RestartAtAnEventDoesNotRepeatIt) {
   auto integrator = make(with_roots(oscillator(), 1, [](double, const double* x, double* g) { g[0] = x[0]; }));
   double x[2] = {1.0, 0.0}, t = 0.0;
