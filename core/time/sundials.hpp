@@ -592,12 +592,12 @@ class Sundials final : public Integrator {
 
   /// The integrals to t inside the last step of a method of one step.
   const std::vector<double>& integrals_inside(double t) {
-    if (still_) return quadrature_.sum();
+    double h = 0.0;
+    Api::last_step(memory_.get(), &h);
+    if (still_ || h == 0.0) return quadrature_.sum();
     if (t == part_t_) return part_;
     part_t_ = t;
     inside(t);
-    double h = 0.0;
-    Api::last_step(memory_.get(), &h);
     quadrature_.inside(1.0 + (t - t_internal_) / h, part_.data());
     return part_;
   }

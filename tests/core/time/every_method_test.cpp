@@ -168,6 +168,17 @@ TEST_P(EveryMethod, IntegralsKeepPaceWithTheStates) {
   EXPECT_NEAR(z[4], (1.0 - std::cos(30.0)) / 3.0, own);
 }
 
+/// A vehicle that has become another one is looked at before its first step, at an instant of the run.
+TEST_P(EveryMethod, IntegralsAreZeroBeforeTheFirstStep) {
+  OdeProblem p = oscillator();
+  p.n_quadrature = 1;
+  p.integrands = [](double, const double* x, double* ydot) { ydot[0] = x[0]; };
+  double y = 1.0, error = 1.0;
+  make(p)->integrals(1.6, &y, &error);
+  EXPECT_EQ(y, 0.0);
+  EXPECT_EQ(error, 0.0);
+}
+
 /// Rates that jump at a restart, beside states that do not: integrals go on, each stretch with its own.
 TEST_P(EveryMethod, IntegralsGoOnOverRestarts) {
   OdeProblem p = oscillator();
