@@ -84,7 +84,8 @@ typedef struct cardan_state_desc {
   const char* meaning;
 } cardan_state_desc;
 
-/* How a mount moves. Of a hinge component q, v and vdot alone; q is 0 where it has no coordinate of its own. Of a field `field` alone. */
+/* How a mount moves. Of a hinge component q, v and vdot alone; q is 0 where it has no coordinate of its own. Of a field `field` alone. Of
+ * CARDAN_FACT_INTERNAL position and velocity may be counted from any point that moves evenly, one for all nodes of the device. */
 typedef struct cardan_mount_motion {
   double R_WN[9];                     /* node axes to world axes, row-major */
   double position[3];                 /* [m] world axes */
@@ -130,7 +131,8 @@ typedef struct cardan_device_out {
 
 /* Facts, each proven by laws when the device is loaded. */
 enum cardan_device_fact {
-  CARDAN_FACT_INTERNAL = 1u, /* forces and moments of its nodes sum to zero: momentum of the whole stays */
+  CARDAN_FACT_INTERNAL = 1u, /* forces and moments of its nodes sum to zero: momentum of the whole stays. Where it reads no other node and
+                                no field, they follow from where its nodes are, and how they move, as seen from each other */
   CARDAN_FACT_ENERGY = 2u,   /* `energy`, `delivered` and `lost` are given: energy' = delivered - lost - power of its loads. It reads
                                 the velocity of every node that it pushes at */
   CARDAN_FACT_PASSIVE = 4u,  /* lost >= 0 at every evaluation, and delivered = 0 */

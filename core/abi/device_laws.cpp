@@ -24,6 +24,9 @@ constexpr int kPose = 12, kVelocity = 18, kHinge = 20, kRates = 27;  // of carda
 constexpr std::uint32_t kPushing = CARDAN_USE_LOAD | CARDAN_USE_IMPULSE, kOfHinges = CARDAN_USE_TURN | CARDAN_USE_COORDINATE,
                         kUses = 63u | CARDAN_USE_IMPULSE | kOfHinges;  // of nodes and hinges
 
+/// Of a node.
+bool is_read(const cardan_mount_desc& m) { return (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0; }
+
 class DeviceTableFaults : public TableChecks {
  public:
   explicit DeviceTableFaults(const cardan_device_family& family) : f_(family) {}
@@ -183,6 +186,7 @@ class DeviceLaws {
     validity(y);
     pushes_where_it_says(y, CARDAN_USE_LOAD);
     if ((f_.facts & CARDAN_FACT_INTERNAL) != 0) internal(x, y);
+    if (reads_between_nodes(f_)) between(x, y);
     if ((f_.facts & CARDAN_FACT_ENERGY) != 0) energy(x, y);
     if (f_.tangent) tangent(x);
     if (f_.follow) follow(x, y);
@@ -204,6 +208,7 @@ class DeviceLaws {
   static constexpr const char *kFinite = "numbers are finite for finite arguments", *kNominal = "nominal sizes are numbers > 0",
                               *kReads = "mounts are read as declared", *kDirect = "outputs depend on inputs as declared",
                               *kPushes = "loads are where they are declared", *kInternal = "loads of an internal device sum to zero",
+                              *kBetween = "an internal device reads what lies between its nodes",
                               *kEnergy = "energy' = delivered - lost - power of the loads",
                               *kTangent = "tangent is the derivative of evaluate", *kRatesOnce = "rates of states come from follow alone",
                               *kFollowTangent = "follow_tangent is the derivative of follow", *kFlow = "mass falls by its inputs in kg/s",
@@ -227,6 +232,7 @@ class DeviceLaws {
     found_.list(kDirect, "every output may depend on every input");
     found_.list(kPushes, "every load is declared");
     of(kInternal, (f_.facts & CARDAN_FACT_INTERNAL) != 0, "CARDAN_FACT_INTERNAL is not declared");
+    of(kBetween, reads_between_nodes(f_), "it is not internal, or reads another node or a field");
     of(kEnergy, (f_.facts & CARDAN_FACT_ENERGY) != 0, "CARDAN_FACT_ENERGY is not declared");
     for (const char* law : kPassive) of(law, (f_.facts & CARDAN_FACT_PASSIVE) != 0, "CARDAN_FACT_PASSIVE is not declared");
     of(kTangent, f_.tangent, "it has no tangent");
@@ -491,6 +497,27 @@ class DeviceLaws {
       }
     }
     law(kInternal, (std::hypot(force[0], force[1], force[2]) + std::hypot(moment[0], moment[1], moment[2])) / size, 1e-13);
+  }
+
+  /// The same with all nodes elsewhere, and carried along evenly.
+  void between(const Point& x, const Given& y) {
+    Point moved = x;
+    const double by[3] = {normal(), normal(), normal()}, rate[3] = {normal(), normal(), normal()};
+    for (std::uint32_t m = 0; m < f_.n_mounts; ++m) {
+      if (f_.mounts[m].kind == CARDAN_MOUNT_HINGE || !is_read(f_.mounts[m])) continue;
+      double *R = moved.numbers.data() + m * kMotion, *p = R + 9, *v = R + 15;
+      for (int i = 0; i < 3; ++i) {
+        p[i] += by[i];
+        for (int j = 0; j < 3; ++j) v[i] += R[3 * j + i] * rate[j];
+      }
+    }
+    const Given there = evaluate(moved);
+    if (there.code != 0) return law(kBetween, false, "evaluate refuses it elsewhere");
+    double size = 1e-30, off = 0.0;
+    for (std::size_t i = 0; i < y.numbers.size(); ++i) {
+      size = std::max(size, std::abs(y.numbers[i])), off = std::max(off, std::abs(there.numbers[i] - y.numbers[i]));
+    }
+    law(kBetween, off / size, 1e-9);
   }
 
   double energy_at(const Point& x) const {
@@ -834,6 +861,13 @@ class DeviceLaws {
 };
 
 }  // namespace
+
+bool reads_between_nodes(const cardan_device_family& f) {
+  return (f.facts & CARDAN_FACT_INTERNAL) != 0 && !f.follow && !f.momentum &&
+         std::all_of(f.mounts, f.mounts + f.n_mounts, [](const cardan_mount_desc& m) {
+           return m.kind == CARDAN_MOUNT_HINGE || (m.kind == CARDAN_MOUNT_NODE && (!is_read(m) || (m.use & CARDAN_USE_LOAD) != 0));
+         });
+}
 
 std::vector<std::string> device_table_faults(const cardan_device_family& family) { return DeviceTableFaults(family).all(); }
 

@@ -12,7 +12,8 @@ struct Mounts {
     int mount, q, v;  // q < 0: it has no coordinate of its own
   };
   struct OnNode {
-    int mount, node, load;  // load: index of its wrench
+    int mount, node, load;     // load: index of its wrench
+    const DeviceMount* where;  // in the model
   };
   std::vector<OnHinge> hinges;
   std::vector<OnNode> nodes;
@@ -38,12 +39,29 @@ void put_pose_and_velocity(const NodeMotion<T>& n, int mount, const Put& put) {
                      n.velocity.w.x, n.velocity.w.y, n.velocity.w.z, n.velocity.v.x, n.velocity.v.y, n.velocity.v.z};
   for (int i = 0; i < 18; ++i) put(mount, i, all[i]);
 }
+/// `here`, in the world, with its place and velocity counted from the home of the mount, whose origin moves on evenly.
+template <class T>
+void count_from_home(const Model& model, const soa::Workspace<T>& ws, const soa::Inputs<T>& in, const DeviceMount& mount,
+                     const soa::DeformedNode<T>& at, NodeMotion<T>& here) {
+  Pose<T> X;
+  Motion<T> V{ws.V(mount.home).w, {}};
+  for (const int k : mount.way) {
+    const Pose<T> step = soa::pose_in_inboard(model, ws, k, in.q);
+    V = soa::velocity_of(model, ws, in, k, step, V);
+    X = X * step;
+  }
+  here.position = ws.pose_W(mount.home).R * (X.p + X.R * at.rho);
+  here.velocity.v = transpose_times(at.R, velocity_at(V, at).v);
+}
 template <class T, class Put>
 void motion_of(const Model& model, const soa::Workspace<T>& ws, const soa::Inputs<T>& in, const Mounts& mounts, const Put& put) {
   hinge_motion_of(in, mounts, put);
   for (const auto& m : mounts.nodes) {
     const UserNode& node = model.nodes[m.node];
-    put_pose_and_velocity(pose_and_velocity(ws, model.user[node.body].sweep, deformed(model, ws, node, in)), m.mount, put);
+    const soa::DeformedNode<T> at = deformed(model, ws, node, in);
+    NodeMotion<T> n = pose_and_velocity(ws, model.user[node.body].sweep, at);
+    if (m.where->home > 0) count_from_home(model, ws, in, *m.where, at, n);
+    put_pose_and_velocity(n, m.mount, put);
   }
 }
 /// With accelerations.

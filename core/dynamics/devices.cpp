@@ -62,10 +62,10 @@ DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devi
       }
       if (m.node < 0) read.hinges.push_back({mount, m.q, m.v});
       if (m.node < 0 && pushes) pushed_.hinges.push_back({mount, m.q, m.v});
-      if (m.node >= 0 && (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0) read.nodes.push_back({mount, m.node, m.load});
-      if (m.node >= 0 && pushes) pushed_.nodes.push_back({mount, m.node, m.load});
+      if (m.node >= 0 && (m.use & (CARDAN_USE_POSE | CARDAN_USE_VELOCITY)) != 0) read.nodes.push_back({mount, m.node, m.load, &m});
+      if (m.node >= 0 && pushes) pushed_.nodes.push_back({mount, m.node, m.load, &m});
       if (d.family->follow && m.node < 0) followed_.hinges.push_back({mount, m.q, m.v});
-      if (d.family->follow && m.node >= 0) followed_.nodes.push_back({mount, m.node, m.load});
+      if (d.family->follow && m.node >= 0) followed_.nodes.push_back({mount, m.node, m.load, &m});
     }
     if (d.family->follow) following_.push_back(static_cast<int>(&d - all.all.data()));
   }

@@ -8,6 +8,7 @@
 #include <numeric>
 #include <set>
 
+#include "core/abi/device_laws.hpp"
 #include "core/abi/port_vectors.hpp"
 #include "core/base/units.hpp"
 #include "core/model/device_order.hpp"
@@ -101,7 +102,28 @@ class DeviceCompiler {
     devices_.n_roots += static_cast<int>(family->n_roots);
     devices_.rough = devices_.rough || (family->facts & CARDAN_FACT_ROUGH) != 0;
     complete_ = complete_ && sink_.all().size() == faults;
+    if (reads_between_nodes(*family)) count_from_home(d.mounts);
     devices_.all.push_back(std::move(d));
+  }
+
+  /// From the nearest common ancestor of its nodes, where there is one short of the world.
+  void count_from_home(std::vector<DeviceMount>& mounts) const {
+    const auto parent = [&](int k) { return model_.bodies[static_cast<std::size_t>(k)].parent; };
+    int home = -1;
+    for (const DeviceMount& m : mounts) {
+      if (m.v >= 0 || m.still) continue;  // at a hinge
+      int k = m.node >= 0 ? model_.user[static_cast<std::size_t>(model_.nodes[static_cast<std::size_t>(m.node)].body)].sweep : 0;
+      if (home < 0) home = k;
+      while (k != home) (k > home ? k : home) = parent(std::max(k, home));  // inboard bodies have smaller indices
+    }
+    for (DeviceMount& m : mounts) {
+      if (m.node < 0 || home <= 0) continue;
+      m.home = home;
+      for (int k = model_.user[static_cast<std::size_t>(model_.nodes[static_cast<std::size_t>(m.node)].body)].sweep; k != home;
+           k = parent(k))
+        m.way.push_back(k);
+      std::ranges::reverse(m.way);
+    }
   }
 
   /// What may stand together at an input.

@@ -79,6 +79,10 @@ struct DeviceMount {
   std::optional<DeviceSpec::Mount::Last> still{};
   int field = -1, at = -1;  // index into Model::fields, and which mount of the device tells the place; -1: it is no field
   Pose<double> ground{};    // of one at the world: its axes and origin
+  /// Of a device that reads what lies between its nodes: the sweep body that its places are counted from, and those outboard of it to that
+  /// of the node, so that they keep their digits far from the origin of the world; 0: counted from there.
+  int home = 0;
+  std::vector<int> way{};
 };
 
 /// Of what a plugin brought and no part of the program or of its script.

@@ -142,6 +142,9 @@ TEST(DeviceMutants, AreCaughtByTheirLaw) {
          }),
          "energy' = delivered - lost");
   expect(CHANGED(o->load[0].force[1] *= 1.01), "sum to zero");
+  expect(CHANGED(o->out[0] += a->mount[1].position[2]), "reads what lies between its nodes");
+  expect(CHANGED(for (int i = 0; i < 3; ++i) o->out[0] += a->mount[0].R_WN[3 + i] * a->mount[0].velocity[i]),
+         "reads what lies between its nodes");
   expect(CHANGED(o->delivered = 0.1; o->lost += 0.1), "delivers nothing");
   expect(CHANGED(o->load[2].tau += 0.6 * a->mount[2].v; o->lost -= 0.6 * a->mount[2].v * a->mount[2].v + 5.0 * a->z[0] * a->z[0];
                  o->zdot[0] += 5.0 * a->z[0]),

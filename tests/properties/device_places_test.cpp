@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 
 #include "bodies/modal/lumped.hpp"
+#include "core/abi/device_laws.hpp"
 #include "core/abi/field_family.hpp"
 #include "core/sim/reference_check.hpp"
 #include "core/sim/simulation.hpp"
@@ -247,6 +248,16 @@ TEST_P(DeviceInPlace, ActsAsInTheDenseTwin) {
   for (int i = 0; i < sim.model().devices.n_out; ++i) read += std::abs(sim.device_output(i));
   const Device& d = sim.model().devices.all[0];
   EXPECT_GT(d.acts && !d.family->impulse ? change : read, 1e-4);
+}
+
+/// Places in orbit are rounded to 1e-9 m, what lies between two of one vehicle is not.
+TEST_P(DeviceInPlace, PushesTheSameInOrbitIfItReadsWhatLiesBetweenNodes) {
+  if (!reads_between_nodes(*registry().device(tried().type))) return;
+  SystemSpec orbiting = spec();
+  HingeSpec& bus = orbiting.bodies[0].hinge;
+  bus.q[4] += 7e6, bus.v[4] += 7.5e3;
+  Simulation here(compiled(spec()), {}), there(compiled(orbiting), {});
+  EXPECT_LT((there.vdot() - here.vdot()).norm() / here.vdot().norm(), 1e-14);
 }
 
 TEST_P(DeviceInPlace, HasItsDerivativeInJv) { EXPECT_LT(jacobian_error(spec()), 1e-8); }
