@@ -232,7 +232,11 @@ class Ida final : public Integrator {
     if (!entered_) begin();
     trouble_ = false;
     check(IDASetStopTime(memory_.get(), t_stop), "IDASetStopTime");
-    const int flag = IDASolve(memory_.get(), t_stop, &t_internal_, y_vector_.get(), ydot_vector_.get(), IDA_ONE_STEP);
+    // Its first steps after a start may be shorter than rounding of t: no step yet for events and integrals, which are over time.
+    constexpr int kMostStanding = 16;
+    int flag = IDA_SUCCESS;
+    for (int i = 0; i <= kMostStanding && flag == IDA_SUCCESS && t_internal_ - t_ <= 8.0 * eps * std::abs(t_); ++i)
+      flag = IDASolve(memory_.get(), t_stop, &t_internal_, y_vector_.get(), ydot_vector_.get(), IDA_ONE_STEP);
     if (thrown_) std::rethrow_exception(std::exchange(thrown_, nullptr));
     const bool shortened = count_rejections();
     if (flag < 0) fail(flag);

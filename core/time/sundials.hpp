@@ -534,12 +534,14 @@ class Sundials final : public Integrator {
     const long failed = unsolved - std::exchange(unsolved_, unsolved);
     (trouble_.empty() ? rejected_.not_converged : rejected_.not_evaluated) += failed;
     if (flag < 0) fail(flag);
-    // They begin with what the rates change a state that is zero by its tolerance in, however short, and grow from there.
+    // They begin with what the rates change a state that is zero by its tolerance in, however short, and grow from there: no step yet for
+    // events and integrals, which are over time.
     constexpr int kMostStanding = 16;
     stands_ = t_internal_ != t_stop && t_internal_ - t_ <= 8.0 * eps * std::abs(t_) ? stands_ + 1 : 0;
     if (stands_ > (trouble_.empty() ? kMostStanding : 0)) fail(kErrorFailure);
-    ++steps_;
     if constexpr (!Api::multistep) evaluate_the_end();
+    if (stands_ > 0) return t_ = t_internal_, advance(t_stop);
+    ++steps_;
     since_linear_ = rejected_in_step_ || failed > 0 ? -1 : since_linear_ + 1;
     if (problem_.n_quadrature > 0) {
       if constexpr (Api::multistep) {
