@@ -48,9 +48,10 @@ Joint joint_of(const TreeOperators& tree) {
   Joint J;
   J.K.setZero(n), J.C.setZero(n);
   J.K_modes.resize(tree.bodies().size()), J.C_modes = J.K_modes, J.K_modes_inverse = J.K_modes;
-  std::vector<std::uint8_t> moves(n, 1);
+  std::vector<std::uint8_t> moves(n);
+  for (int i = 0; i < n; ++i) moves[i] = tree.is_free(i);
   for (int v = 0; v < model.nv; ++v)
-    if (const int i = tree.place_of_velocity(v); i >= 0 && model.has_prescribed()) moves[i] = model.prescribed[v] == 0;
+    if (const int i = tree.place_of_velocity(v); i >= 0 && model.has_prescribed() && model.prescribed[v] != 0) moves[i] = 0;
   for (const HingeLoad& load : model.loads)
     if (const int i = tree.place_of_velocity(load.v); i >= 0) {
       const hinge_laws::Linear at_rest = hinge_laws::linear(load, tree.q()[load.q], 0.0);
@@ -348,7 +349,7 @@ Vibrations by_products(const TreeOperators& tree, const Joint& J, const Mass& ma
 int count_below(const TreeOperators& given, double lambda) {
   given.require(Kind::H);
   const TreeOperators tree = same(given);  // all components take part
-  const Joint J = joint_of(tree);
+  const Joint J = joint_of(given);
   std::vector<std::uint8_t> free((tree.size(Space::hinge)), 0);
   for (const int i : J.free) free[i] = 1;
   std::vector<MatrixXd> P;

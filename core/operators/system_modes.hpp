@@ -29,8 +29,9 @@ struct SystemModes {
   std::vector<std::string> bodies;  // of the rows of kinetic
 };
 
-/// Needs Position (of a tree or a subgraph). Components whose motion is given do not move. LinalgError where ARPACK does not converge
-/// or modes were missed, NumericsError at a free direction without inertia, InputError C0401 for a stiffness that is not positive.
+/// Needs Position (of a tree or a subgraph). Components whose motion is given, or that articulate() left out, do not move. LinalgError
+/// where ARPACK does not converge or modes were missed, NumericsError at a free direction without inertia, InputError C0401 for a stiffness
+/// that is not positive.
 ///
 /// No shift and no factorisation: components u without stiffness are eliminated, x_u = -M_uu^-1 M_us x_s, by the innovations
 /// factors of M_uu; what is left, K_s x_s = lambda (M_ss - M_su M_uu^-1 M_us) x_s, has a K_s that is diagonal but for the blocks

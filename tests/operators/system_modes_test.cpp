@@ -88,6 +88,30 @@ TEST(SystemModes, OfASubgraph) {  // the operators carry over: what is not in th
   });
 }
 
+TEST(SystemModes, OfComponentsThatAreFree) {  // the rest is held, as in all that is made of the tree after articulate({.free})
+  for_all_trees({.bodies = 7, .roots = 2, .flexible = 0.5, .springs = true}, 1e-9, [](const RandomTree& tree) {
+    const auto model = compiled(tree.spec);
+    TreeOperators ops(model);
+    ops.at(model->initial_state().q.data());
+    const MatrixXd M_whole = dense(mass, ops), K_whole = stiffness(*model);
+    std::vector<std::uint8_t> free(static_cast<std::size_t>(model->nv));
+    std::vector<int> left;
+    for (int v = 0; v < model->nv; ++v)
+      if ((free[static_cast<std::size_t>(v)] = v % 3 != 1) != 0) left.push_back(v);
+    ops.articulate({.free = free});
+    const auto n = static_cast<int>(left.size());
+    const MatrixXd M = M_whole(left, left), K = K_whole(left, left);
+    const VectorXd lambda = generalised_eigenvalues(K, M).value();
+    const SystemModes modes = system_modes(ops, {.elastic = n, .rigid = n});
+    if (modes.frequency.size() != n) return 1.0;
+    double worst = 0.0;
+    for (int j = 0; j < n; ++j)
+      worst = worse(worst,
+                    relative(std::pow(2.0 * std::numbers::pi * modes.frequency[j], 2) - lambda[j], worse(lambda[j], 1e-6 * lambda[n - 1])));
+    return worst;
+  });
+}
+
 SpringDamper spring(double stiffness, double damping) {
   SpringDamper s;
   s.stiffness = stiffness, s.damping = damping;
