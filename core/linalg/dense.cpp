@@ -59,6 +59,7 @@ static void balance(MatrixXd& A) {
   A.diagonal() = diagonal;
 }
 Eigen::VectorXcd eigenvalues(const MatrixXd& A) {
+  if (A.rows() == 0) return {};  // Eigen's solver reads beyond it
   MatrixXd balanced = A;
   balance(balanced);
   return Eigen::EigenSolver<MatrixXd>(balanced, false).eigenvalues();

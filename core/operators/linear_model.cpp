@@ -240,7 +240,7 @@ LinearModel linearize(Sensitivities& about, const OperatingPoint& at, const Line
 }
 
 LinearModel linearize(const Model& m, const OperatingPoint& at, const LinearPorts& ports) {
-  if (!at.q || !at.v) refuse(Code::operator_shape, {"point of the linear model"}, "q and v", "a null pointer");
+  if ((!at.q && m.nq > 0) || (!at.v && m.nv > 0)) refuse(Code::operator_shape, {"point of the linear model"}, "q and v", "a null pointer");
   if (can_be_known(m, at)) {
     Sensitivities about(std::shared_ptr<const Model>(std::shared_ptr<void>(), &m));
     return linearize(about, at, ports);

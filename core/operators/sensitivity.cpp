@@ -95,7 +95,8 @@ void Sensitivities::require_point() const {
 }
 
 void Sensitivities::at(const Inputs& in, const DeviceForces* devices) {
-  if (!in.q || !in.v) refuse(Code::operator_shape, {"point of the sensitivities"}, "q and v", "a null pointer");
+  if ((!in.q && model_->nq > 0) || (!in.v && model_->nv > 0))
+    refuse(Code::operator_shape, {"point of the sensitivities"}, "q and v", "a null pointer");
   has_point_ = true;
   std::copy(in.q, in.q + model_->nq, q_.data());
   for (int i = 0; i < size(); ++i) {
@@ -147,7 +148,8 @@ void Sensitivities::evaluate() {
 }
 
 void Sensitivities::solve(const Inputs& in, const DeviceForces* devices) {
-  if (!in.q || !in.v) refuse(Code::operator_shape, {"point of the sensitivities"}, "q and v", "a null pointer");
+  if ((!in.q && model_->nq > 0) || (!in.v && model_->nv > 0))
+    refuse(Code::operator_shape, {"point of the sensitivities"}, "q and v", "a null pointer");
   for (int i = 0; i < size(); ++i) masked_[i] = in.vdot && given_[i] ? in.vdot[component_[i]] : 0.0;
   Inputs use = in;
   VectorXd vdot = VectorXd::Zero(model_->nv);

@@ -263,8 +263,8 @@ std::vector<int> TreeOperators::path(int a, int b) const {
 
 void TreeOperators::at(const double* q) {
   if (!whole_) refuse(Code::unsupported, {"operators"}, "the whole tree", "a subgraph", "move the tree, then take the subgraph again");
-  if (!q) refuse(Code::operator_shape, {"operators"}, "q", "a null pointer");
   const Model& model = *model_;
+  if (!q && model.nq > 0) refuse(Code::operator_shape, {"operators"}, "q", "a null pointer");
   q_.assign(q, q + model.nq);
   outward(model, soa::sweeps<double>(), sweeping_->position, Inputs{.q = q, .v = sweeping_->zeros.data(), .gravity = false},
           {.velocity = false});

@@ -242,6 +242,7 @@ class Sundials final : public Integrator {
     constexpr int recoverable = 1, fatal = -1;
     try {
       elsewhere_ = false;
+      if (problem_.n == 0) *xdot = 0.0;
       if (evaluated_ && t == last_t_ && std::equal(x, x + problem_.n, last_x_.begin())) {
         std::copy_n(last_rate_.begin(), problem_.n, xdot);
         return 0;

@@ -232,7 +232,7 @@ class Variational final : public Integrator {
       if (!weights_.empty()) share *= weights_[i];
       sum += share * share;
     }
-    statistics_.error_sum += kSampled * std::sqrt(sum / static_cast<double>(x1_.size()));
+    statistics_.error_sum += kSampled * std::sqrt(sum / std::max(1.0, static_cast<double>(x1_.size())));
   }
 
   OdeProblem problem_;

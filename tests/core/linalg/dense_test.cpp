@@ -52,6 +52,7 @@ TEST(Dense, FindsEigenvaluesBesideRounding) {
   }
   MatrixXd pair(2, 2);
   pair << 1284.8051878541421, 1.3514305529529802e-12, -1.7017466992078908e-13, 1284.8051878541421;
+  EXPECT_EQ(eigenvalues(MatrixXd(0, 0)).size(), 0);
   EXPECT_LT(largest(eigenvalues(pair).cwiseAbs().array() - pair(0, 0)), kRoundOff * pair(0, 0));
 }
 

@@ -1,3 +1,5 @@
+#include <malloc.h>
+
 #include <array>
 #include <limits>
 #include <stdexcept>
@@ -46,6 +48,26 @@ TEST_P(EveryMethod, StartsLateWhereRatesAreLargeBesideTheTolerance) {
     EXPECT_LT(error, 1e-4) << t;
     EXPECT_NEAR(crossed, -std::log(0.7) / 900.0, 1e-10 + 1e-15 * t) << t;
   }
+}
+
+/// A vehicle of which everything is locked has no states; SUNDIALS cannot do without, and what stands in rests, whatever its memory held.
+TEST_P(EveryMethod, NeedsNoStates) {
+  mallopt(M_PERTURB, 0xBE);  // fills what is handed out with 2e6
+  OdeProblem p;
+  p.n_roots = 1;
+  p.rhs = [](double, const double*, double*) { return true; };
+  p.roots = [](double t, const double*, double* g) { g[0] = t - 2.5; };
+  const auto integrator = make(p);
+  mallopt(M_PERTURB, 0);
+  integrator->restart(0.0, nullptr);
+  double now = 0.0, crossed = 0.0;
+  while (now < 10.0) {
+    const StepReport report = integrator->step(10.0, nullptr);
+    if (report.event) crossed = report.t;
+    EXPECT_NE(report.limit, StepLimit::error);
+    now = report.t;
+  }
+  EXPECT_NEAR(crossed, 2.5, 1e-12);
 }
 
 /// An oscillator among 200 states that rest: in one group with it they hide its error, sqrt(101) in the norm, and the steps grow; in a
