@@ -80,7 +80,7 @@ set(external
   "gtest/|tests"
   "dlfcn.h|core/abi/loader.cpp bench/straight_line.cpp"
   "sched.h|bench"
-  "malloc.h|bench/time_ring.hpp bench/factors.cpp"
+  "malloc.h|bench/time_ring.hpp bench/factors.cpp tests/core/time/every_method_test.cpp"
   "mujoco/|bench/peers/mujoco.cpp"
   "BulletDynamics/|bench/peers/bullet.cpp"
   "Simbody.h|bench/peers/simbody.cpp"
