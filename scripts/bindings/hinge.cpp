@@ -87,8 +87,9 @@ int hinge_applied(lua_State* L) {
     lua_pushnumber(L, s.sim->force(v));
     return 1;
   }
-  s.sim->drive_forces(s.scratch.data());
-  lua_pushnumber(L, s.scratch[static_cast<std::size_t>(v)]);
+  std::vector<double> all(static_cast<std::size_t>(s.sim->model().nv));  // of the vehicle as it is now
+  s.sim->drive_forces(all.data());
+  lua_pushnumber(L, all[static_cast<std::size_t>(v)]);
   return 1;
 }
 int hinge_reaction(lua_State* L) {

@@ -74,7 +74,6 @@ void Scenario::use_model(std::shared_ptr<const Model> compiled) {
   for (const Load& load : loads) sim->add_wrench(load.node, load.world_axes);
   if (before) sim->take_over(*before);
   sim->on_adopted([this] { model = sim->shared_model(), look_at_state(); });
-  scratch.assign(static_cast<std::size_t>(model->nv), 0.0);
   look_at_state();
 }
 

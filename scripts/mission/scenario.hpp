@@ -172,7 +172,6 @@ struct Scenario {
   VehicleChanges changes{{vehicle_file, registry, model, sim, actor, [this] { return compile_options(); }}};
   std::string stopped_by;           // the actor that called stop()
   std::optional<RunFailure> fault;  // a command that is not finite; a script cannot catch it
-  std::vector<double> scratch;
 
   /// Compiles again with what has been declared, and keeps the state, the commands and the motion profiles.
   void use_model(std::shared_ptr<const Model> compiled);

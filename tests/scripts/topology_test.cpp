@@ -507,6 +507,30 @@ end
   EXPECT_NE(unknown.err.find("expected: 1 to 2, or a name: angle_1, angle_2"), std::string::npos) << unknown.err;
 }
 
+// Six velocities more for each body that is let go of: what reads all of them follows the vehicle.
+TEST(Topology, DrivesAreReadOnceBodiesHaveParted) {
+  const TemporaryFolder dir;
+  std::string vehicle = R"yaml(
+cardan: 1
+bodies:
+  base: {mass: 10, inertia: [1, 1, 1], hinge: {type: locked, to: world}}
+  drum: {mass: 3, inertia: [1, 1, 2], hinge: {type: revolute, axis: [0, 0, 1], to: base, prescribed: true}}
+)yaml";
+  for (int i = 0; i < 40; ++i) vehicle += fmt::format("  p{}: {{mass: 1, inertia: [1, 1, 1], hinge: {{type: locked, to: base}}}}\n", i);
+  write(dir / "vehicle.yaml", vehicle);
+  write(dir / "scenario.lua", R"lua(
+local sat = vehicle "vehicle.yaml"
+mission { duration = 2 }
+local drum = sat:hinge "drum"
+drum:profile { rate_table = { { 0, 0 }, { 10, 5 } } }
+phase { name = "together", duration = 1, exit_ = function() for i = 0, 39 do sat:detach("p" .. i) end end }
+phase { name = "apart" }
+check { name = "drive", unit = "N m", value = function() return drum:applied() end, equal = { 2 * 0.5, tolerance = 1e-12 } }
+)lua");
+  const Finished done = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+  EXPECT_EQ(done.exit_code, 0) << done.out << done.err;
+}
+
 TEST(Topology, FrictionIsAgainstTheRateThatAnImpulseTurnsRound) {
   constexpr const char* kBraked = R"yaml(
 cardan: 1
