@@ -150,6 +150,19 @@ TEST(DryFriction, AHeldHingeIsALockedOne) {
   }
 }
 
+/// What is advanced in closed form is a vehicle with the arm held, at the place where it was frozen, as in the run that goes on.
+TEST(DryFriction, LinearPartsOfAResumedRunKnowWhatIsHeld) {
+  SystemSpec spec = system(base_with_sprung_arm());
+  spec.devices = {device("brake", "dry_friction", {{"coulomb", 20.0}}, {{"at", "arm"}})};
+  for (const std::string method : {"exponential", "multirate"}) {
+    Simulation sim(compiled(spec), accurate(method, 1e-8)), part(compiled(spec), accurate(method, 1e-8));
+    sim.run(1.0);
+    part.resume(sim.checkpoint());
+    sim.run(2.0), part.run(2.0);
+    EXPECT_TRUE(sim.state().q == part.state().q && sim.state().v == part.state().v) << method;
+  }
+}
+
 /// With a motor that pushes harder and harder it breaks away where the motor passes what holds; J v knows what is held.
 TEST(DryFriction, KrylovSolversKnowWhatIsHeld) {
   SystemSpec spec = system(base_with_sprung_arm());
