@@ -26,7 +26,7 @@ double largest(const double* x, int n) {
 std::shared_ptr<const Model> honoured_form(std::shared_ptr<const Model> model) {
   if (const std::string not_taken = VehicleImplicitForm::refusal(*model); !not_taken.empty())
     refuse(Code::unsupported, {"integrator.method"}, "a method that takes " + not_taken, "ida, which does not",
-           "loop_form: dae in the vehicle, or another method; auto finds one");
+           VehicleImplicitForm::way_out(*model));
   return model;
 }
 
@@ -36,6 +36,10 @@ std::string VehicleImplicitForm::refusal(const Model& model) {
   if (!model.loops.absolute) return "vehicles of another loop_form than dae";
   if (model.devices.n_z > 0) return "devices with states";
   return {};
+}
+
+const char* VehicleImplicitForm::way_out(const Model& model) {
+  return model.loops.absolute ? "dopri5, dop853; auto finds one" : "loop_form: dae in the vehicle, or another method; auto finds one";
 }
 
 VehicleImplicitForm::VehicleImplicitForm(std::shared_ptr<const Model> model, std::vector<double> tolerances, Loads loads, Drives drives,

@@ -27,6 +27,8 @@ class VehicleImplicitForm final : public ImplicitForm {
 
   /// What of the model the method does not take, "devices with states"; empty: it takes all.
   static std::string refusal(const Model& model);
+  /// The hint beside it.
+  static const char* way_out(const Model& model);
 
   int size() const override { return static_cast<int>(absolute_.size()); }
   void tolerances(double relative, const double* y, double* out) const override;

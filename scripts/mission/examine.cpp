@@ -127,8 +127,7 @@ void choose_method_of(Scenario& s) {
                                                                       : "";
   if (!not_taken.empty())
     refuse(Code::unsupported, {"mission.integrator.method", {s.file.string(), 0, 0}}, "a method that takes " + not_taken,
-           i.method + ", which does not",
-           i.method == "ida" ? "loop_form: dae in the vehicle, or another method; auto finds one" : "dopri5, dop853; auto finds one");
+           i.method + ", which does not", i.method == "ida" ? VehicleImplicitForm::way_out(*s.model) : "dopri5, dop853; auto finds one");
   if (s.mission.simulation.dynamics == Dynamics::dense) expect_twin_takes(*s.model, i, {"mission.dynamics", {s.file.string(), 0, 0}});
   if (i.method != "auto") return;
   MethodChoice choice = choose_method(s.model, shortest_interval(s), i, s.mission.simulation.dynamics);
