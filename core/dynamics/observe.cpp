@@ -225,7 +225,13 @@ Force<double> Observer::wrench_in_host(int i) const {
   Force<double> f = M * gamma + gyroscopic(M, host.w);
   if (in_.gravity && model_.field.pulls() && M.m > 0) {
     Vec3<double> c, r;
-    f -= soa::attraction(model_.field, M, ws_.pose_W(u.sweep), c, r, in_.moment);
+    const RigidInertia<double>& all = inertia_[u.sweep];
+    if (model_.field.gradient) {
+      f -= soa::attraction(model_.field, M, ws_.pose_W(u.sweep), c, r, in_.moment);
+    } else {  // its share of the pull at the mass centre of all
+      const Vec3<double> pull = (M.m / all.m) * soa::attraction(model_.field, all, ws_.pose_W(u.sweep), c, r, in_.moment).f;
+      f -= Force<double>{cross((1.0 / M.m) * M.h, pull), pull};
+    }
   }
   for (const NodeWrench& load : in_.wrenches) {
     const UserNode& node = model_.nodes[load.node];

@@ -254,6 +254,16 @@ void DenseTwin<T>::set_kinematics(DenseState<T>& s) const {
 }
 
 template <class T>
+Vec3<T> DenseTwin<T>::common_centre(const DenseState<T>& s, const std::vector<int>& bodies) const {
+  T mass(0);
+  Vec3<T> sum = Vec3<T>::Zero();
+  for (const int k : bodies)
+    for (const MassPoint<T>& p : model_->bodies[k].masses)
+      mass += p.mass, sum += p.mass * to_point(s.bodies[k], model_->bodies[k], p.point, s.q_, s.v_).x;
+  return sum / mass;
+}
+
+template <class T>
 void DenseTwin<T>::add_nodal_body(DenseState<T>& s, int k) const {
   const DenseBody<T>& b = model_->bodies[k];
   const Frame<T>& B = s.bodies[k];
@@ -274,7 +284,8 @@ void DenseTwin<T>::add_nodal_body(DenseState<T>& s, int k) const {
     const Vec3<T> r = frames[i].x - B.x - centre;
     S += b.masses[i].mass * r * r.transpose() + second_moment(inertias[i]);
   }
-  const Field<T> field = gravity_field<T>(model_->gravity, B.x + centre);
+  const bool as_one = !model_->gravity.gradient && !b.as_one.empty();  // and pulled at the mass centre of all
+  const Field<T> field = gravity_field<T>(model_->gravity, as_one ? common_centre(s, b.as_one) : Vec3<T>(B.x + centre));
   const Vec3<T> mean_pull = field.force(mass, S) / mass;
   const auto n = static_cast<Eigen::Index>(b.moving.size());
   MatX<T> M = MatX<T>::Zero(n, n), W = MatX<T>::Zero(6, n);  // of the entries of v that move it

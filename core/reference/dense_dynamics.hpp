@@ -105,6 +105,7 @@ class DenseTwin {
  private:
   void set_kinematics(DenseState<T>&) const;
   void add_nodal_body(DenseState<T>&, int body) const;
+  Vec3<T> common_centre(const DenseState<T>&, const std::vector<int>& bodies) const;
   void add_modal_body(DenseState<T>&, int body) const;
   void add_hinge_and_modal_forces(DenseState<T>&, int body) const;
 

@@ -46,6 +46,7 @@ struct DenseBody {
   HingeSize size{0, 0};                 // of the hinge
   VecX<T> held;                         // q of a hinge with `locked: true`, which has no entries in q and v
   int iq = 0, iv = 0;                   // first entry of [hinge; modes] in q and v
+  std::vector<int> as_one;              // rigid bodies that are fixed to each other, it among them; empty: it is alone
   std::vector<int> moving;              // the entries of v that move its frame and nodes, inboard before outboard, its modes last
   int n_modes = 0, level = 2;
   MatX<T> K, C;                            // modal stiffness and damping

@@ -26,17 +26,14 @@ std::vector<TreeOptions> every_gravity(TreeOptions options) {
   return out;
 }
 
-/// As above, in a central field only what the sweeps and the twin define alike: the field is expanded about the mass
+/// As above, in the gradient of a central field only what the sweeps and the twin define alike: the field is expanded about the mass
 /// centre of a body, so bodies that were merged are one there; level 0 takes J of its potential to first order.
 std::vector<TreeOptions> every_gravity_of_the_twin(const TreeOptions& options) {
   std::vector<TreeOptions> out;
   for (TreeOptions o : every_gravity(options)) {
-    const bool central = o.gravity == GravitySpec::Kind::central;
-    if (central) {
+    if (o.gravity == GravitySpec::Kind::central && o.gradient) {
       o.locked = 0.0;
       std::erase(o.hinges, "locked");
-    }
-    if (central && o.gradient) {
       o.level = 1;
       out.push_back(o);
       o.level = 2;
