@@ -190,6 +190,7 @@ ExtendedMotion::Trial VehicleExtended::step(double t0, double t1) {
   ++trial.calls;
   if (!rates(start, now_, first)) return trial;
   std::vector<VecX> row;
+  std::vector<double> magnified;  // of each of the row, the rounding of rates
   for (int k = 1; k <= kColumns; ++k) {
     const Quad h = whole / Quad(2 * k);
     VecX before = now_, at = now_ + h * first;
@@ -201,19 +202,27 @@ ExtendedMotion::Trial VehicleExtended::step(double t0, double t1) {
     }
     give(Quad(t1), at);
     std::vector<VecX> next{std::move(at)};
+    std::vector<double> next_magnified{1.0};
     for (int j = 1; j < k; ++j) {
       const Quad ratio = Quad(k) / Quad(k - j);
+      const double by = static_cast<double>(k * k) / ((k - j) * (k - j)) - 1.0;
+      next_magnified.push_back(next_magnified.back() + (next_magnified.back() + magnified[static_cast<std::size_t>(j - 1)]) / by);
       next.push_back(next.back() + (next.back() - row[static_cast<std::size_t>(j - 1)]) / (ratio * ratio - Quad(1)));
     }
     const double off = k < 3 ? HUGE_VAL : error(next.back(), next[next.size() - 2], trial.worst);
-    row = std::move(next);
+    row = std::move(next), magnified = std::move(next_magnified);
     if (!(off <= 1.0)) continue;
     next_ = row.back(), next_more_ = lengths_at(Quad(t1));
+    const auto integrals = [this](const VecX& x) { return Eigen::VectorXd(x.tail(integrands_.n).cast<double>().cwiseAbs()); };
+    integral_errors_ = integrals(row.back() - row[row.size() - 2]) +
+                       std::numeric_limits<double>::epsilon() * (t1 - t0) * magnified.back() * integrals(first).cwiseMax(integrals(slope));
     trial.order = 2 * k;
     break;
   }
   return trial;
 }
+
+void VehicleExtended::integral_errors(double* error) const { Eigen::VectorXd::Map(error, integral_errors_.size()) = integral_errors_; }
 
 void VehicleExtended::found(double* x) const { Eigen::VectorXd::Map(x, next_.size()) = next_.cast<double>(); }
 
@@ -226,7 +235,7 @@ void VehicleExtended::remember(Archive& archive) {
       archive(part[0], part[1], part[2]);
       if (archive.reading()) x = Quad(part[0]) + Quad(part[1]) + Quad(part[2]);
     }
-  if (archive.reading()) next_ = now_, next_more_ = more_;
+  if (archive.reading()) next_ = now_, next_more_ = more_, integral_errors_.setZero();
 }
 
 }  // namespace cardan

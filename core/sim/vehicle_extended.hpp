@@ -48,6 +48,7 @@ class VehicleExtended final : public ExtendedMotion {
   void enter(double t, const double* x) override;
   Trial step(double t0, double t1) override;
   void found(double* x) const override;
+  void integral_errors(double* error) const override;
   void take() override { now_ = next_, more_ = next_more_; }
   void remember(Archive& archive) override;
 
@@ -69,13 +70,14 @@ class VehicleExtended final : public ExtendedMotion {
   TwinDynamics<Quad> twin_;
   std::vector<int> quaternions_;  // where they begin in q
   ExtendedIntegrands integrands_;
-  std::vector<double> x_, ydot_;  // scratch
-  VecX now_, next_;               // the state and the integrals; next_: as found() tells them
-  VecX more_, next_more_;         // lengths and offsets of prescribed loops, there
-  VecX vdot_given_;               // scratch
-  std::vector<int> free_;         // components of v that are not given
-  std::vector<bool> given_;       // states that are functions of time
-  double since_ = 0.0;            // [s] where the state now_ is, and a step begins
+  std::vector<double> x_, ydot_;     // scratch
+  VecX now_, next_;                  // the state and the integrals; next_: as found() tells them
+  Eigen::VectorXd integral_errors_;  // of the last step: what its last column changed, and rounding
+  VecX more_, next_more_;            // lengths and offsets of prescribed loops, there
+  VecX vdot_given_;                  // scratch
+  std::vector<int> free_;            // components of v that are not given
+  std::vector<bool> given_;          // states that are functions of time
+  double since_ = 0.0;               // [s] where the state now_ is, and a step begins
 };
 
 }  // namespace cardan

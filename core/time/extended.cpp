@@ -22,15 +22,15 @@ class Extended final : public Integrator {
   Extended(OdeProblem problem, const IntegratorOptions& options)
       : problem_(std::move(problem)), options_(options), motion_(*problem_.extended), events_(problem_) {
     for (std::vector<double>* x : {&x0_, &x1_, &x_}) x->resize(static_cast<std::size_t>(problem_.n + problem_.n_quadrature));
+    off_.resize(static_cast<std::size_t>(problem_.n_quadrature));
     next_ = options.initial_step > 0.0 ? options.initial_step : kFirst;
   }
 
   void restart(double t, const double* x) override {
     t0_ = t1_ = t;
     std::copy_n(x, problem_.n, x1_.begin());
-    if (!taken_) motion_.take();
+    take();
     motion_.enter(t, x1_.data());
-    taken_ = true;
     if (problem_.n_roots > 0) events_.restart(t, x1_.data());
     ++statistics_.restarts;
   }
@@ -102,12 +102,12 @@ class Extended final : public Integrator {
     const bool inside = t != t1_ && !taken_;
     if (inside) between(t, x_.data());
     std::copy_n((inside ? x_ : x1_).begin() + problem_.n, problem_.n_quadrature, y);
+    if (error) errors(error);
     if (inside) go_to(t1_);
-    if (error) std::fill_n(error, problem_.n_quadrature, 0.0);
   }
 
   void remember(Archive& archive) override {
-    archive(next_, statistics_, events_);
+    archive(next_, statistics_, events_, std::span(off_));
     motion_.remember(archive);
     if (archive.reading()) motion_.found(x1_.data());
   }
@@ -123,10 +123,20 @@ class Extended final : public Integrator {
  private:
   static std::string too_small(double h) { return fmt::format("the step became too small: {:.3g} s", h); }
 
-  /// The state at which the last step ended is where the next begins.
-  void begin() {
+  /// What the integrals may be off by, to where the last step ends.
+  void errors(double* error) {
+    last_.assign(off_.size(), 0.0);
+    if (!taken_) motion_.integral_errors(last_.data());
+    for (std::size_t i = 0; i < off_.size(); ++i) error[i] = off_[i] + last_[i];
+  }
+  void take() {
+    errors(off_.data());
     if (!taken_) motion_.take();
     taken_ = true;
+  }
+  /// The state at which the last step ended is where the next begins.
+  void begin() {
+    take();
     t0_ = t1_;
     x0_ = x1_;
     looked_inside_ = false;
@@ -165,6 +175,7 @@ class Extended final : public Integrator {
   int worst_ = -1;
   bool taken_ = true;                // the motion is at t1_, not at t0_ with a step to t1_ found
   bool looked_inside_ = false;       // since then another step was found
+  std::vector<double> off_, last_;   // by which integrals may be off, to t0; of the last step
   std::vector<double> x0_, x1_, x_;  // at both ends of it, and inside: with the integrals after the state
   IntegratorStatistics statistics_;
 };

@@ -97,6 +97,8 @@ class ExtendedMotion {
   virtual Trial step(double t0, double t1) = 0;
   /// Where the last step() came to, or enter(): the state, and after it the integrals.
   virtual void found(double* x) const = 0;
+  /// What the integrals of the last step() may be off by: their rates are doubles, whose rounding its columns magnify.
+  virtual void integral_errors(double* error) const = 0;
   /// It is there from now on.
   virtual void take() = 0;
   /// The digits that a double has not.
