@@ -225,6 +225,7 @@ void Simulation::take_in() {
   }
   const Warnings far = loops_far_from_home(*this);
   for (const Warning& w : far.all()) warn(w.what.code, w.what.at, w.what.about, w.what.hint);
+  weigh_tolerances();
   const Sums are = sums();
   balances_.go_on(are.momentum, are.energy);
   if (recorder_)

@@ -1,6 +1,7 @@
 #pragma once
 // The ledger of a run: momentum and energy, beside what came in from outside.
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <string>
 #include <utility>
@@ -34,8 +35,11 @@ class Balances {
   static constexpr int kIntegrals = 7;  // of the force [N s] and of its moment about the world's origin [N m s], work [J]
   using Integrals = Eigen::Matrix<double, kIntegrals, 1>;
 
-  /// Linear and angular momentum and energy at a rate of the absolute tolerances: what counts as no motion at all.
-  void set_least(double linear, double angular, double energy) { least_ = {linear, angular, energy}; }
+  /// Linear and angular momentum and energy at a rate of the absolute tolerances: what counts as no motion at all. Of several vehicles, one
+  /// after the other, the largest counts.
+  void allow_least(double linear, double angular, double energy) {
+    least_ = {std::max(least_[0], linear), std::max(least_[1], angular), std::max(least_[2], energy)};
+  }
   void begin(const Momentum&, const Energy&);
   /// Momentum and energy have jumped to these, all of it brought in from outside, and the integrals begin anew: residuals stay.
   void go_on(const Momentum&, const Energy&);

@@ -572,7 +572,7 @@ const Eigen::VectorXd& Simulation::vdot() {
   return vdot_;
 }
 
-void Simulation::begin_ledger() {
+void Simulation::weigh_tolerances() {
   const std::vector<double> absolute = absolute_tolerances();
   const Inputs creeping = inputs(state_.q.data(), absolute.data() + model_->nq);
   if (options_.ledger && forward_dynamics(*model_, workspace_, creeping, vdot_.data())) {
@@ -588,10 +588,14 @@ void Simulation::begin_ledger() {
         energy += 0.5 * f.K[at] * std::pow(absolute[static_cast<std::size_t>(b.eta + j)], 2);
       }
     const Momentum p = observer_->momentum();
-    balances_.set_least(p.linear_magnitude, p.angular_parts,
-                        energy);  // place times momentum: of what moves to the origin the product is rounding
+    // Place times momentum: of what moves to the world's origin the product is rounding.
+    balances_.allow_least(p.linear_magnitude, p.angular_parts, energy);
   }
   observed_ = false;
+}
+
+void Simulation::begin_ledger() {
+  weigh_tolerances();
   balances_.begin(momentum(), energy());
 }
 

@@ -359,6 +359,7 @@ class Simulation {
   void write_outputs();
   double next_corner() const;
   void begin_ledger();
+  void weigh_tolerances();  // what balances of the vehicle as it is now are worth at a rate of the absolute tolerances
   void expect_progress();
   void expect_no_storm(const Event& event);
   void say_doubts();
