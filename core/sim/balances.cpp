@@ -45,12 +45,15 @@ void Balances::begin(const Momentum& p, const Energy& e) {
 
 void Balances::go_on(const Momentum& p, const Energy& e) {
   start_ << p.linear - now_.linear, p.angular - now_.angular, e.total() - now_.energy;
+  off_ += last_off_;
+  last_off_.setZero();
 }
 
 const LedgerState& Balances::look(const Momentum& p, const Energy& e, const Integrals& y, const Integrals& off,
                                   const IntegratorStatistics& counts, double relative, bool inside) {
   LedgerState& s = now_ = {};
   steps_ = counts.steps;
+  last_off_ = off;
   s.linear = p.linear - start_.head<3>() - y.head<3>();
   s.angular = p.angular - start_.segment<3>(3) - y.segment<3>(3);
   s.energy = e.total() - start_[6] - y[6];

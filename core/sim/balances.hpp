@@ -41,7 +41,8 @@ class Balances {
     least_ = {std::max(least_[0], linear), std::max(least_[1], angular), std::max(least_[2], energy)};
   }
   void begin(const Momentum&, const Energy&);
-  /// Momentum and energy have jumped to these, all of it brought in from outside, and the integrals begin anew: residuals stay.
+  /// Momentum and energy have jumped to these, all of it brought in from outside, and the integrals begin anew: residuals stay, and what
+  /// the integrals up to here may be off by.
   void go_on(const Momentum&, const Energy&);
   /// They have jumped by this, brought in from outside: an impulse, its moment about the world's origin, its work. `off`: what these may
   /// be off by.
@@ -58,6 +59,7 @@ class Balances {
  private:
   Integrals start_ = Integrals::Zero();      // momenta and energy
   Integrals off_ = Integrals::Zero();        // what jumps of these may be off by
+  Integrals last_off_ = Integrals::Zero();   // what the integrals of the last look may be off by
   std::array<double, 3> scale_{}, least_{};  // linear, angular, energy
   LedgerState now_, worst_;
   long steps_ = 0;  // at the last look
