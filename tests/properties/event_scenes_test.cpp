@@ -281,7 +281,7 @@ Eventful under_friction(Scene s, const Reach& r, Draw& draw) {
 
 /// A sampled controller: a force at each tick by what it sees, and one that is held between corners of its own.
 Eventful by_ticks(Scene s, const Reach& r, Draw& draw) {
-  const double place = inside(r, draw), gain = r.inertia * draw.decades(1.0, 100.0);
+  const double place = inside(r, draw), gain = r.inertia * draw.decades(1.0, 10.0);  // more grows
   const int rate = 5 + draw.below(40);
   const std::string body = s.body;
   return {s.spec, [place, gain, rate, body](Simulation& sim) {
