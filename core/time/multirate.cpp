@@ -104,16 +104,14 @@ class Multirate final : public LinearPartIntegrator {
   /// of several swings how large they are.
   Eigen::ArrayXd& error_of_integrals(bool inside) override {
     constexpr double kFallsOff = 0.05;
-    const auto largest = [](double a, double b, double c, double d, double e) { return std::max({a, b, c, d, e}); };
     for (int i = 0; i < n_y_; ++i) {
       const double a = g_[0][i], b = g_a_[i], c = g_[1][i], d = g_b_[i], e = g_[2][i];
       const double halves = 16.0 / 15.0 / 12.0 * std::abs(a - 4.0 * b + 6.0 * c - 4.0 * d + e);
       const double quarters = std::max(std::abs(b - 0.375 * a - 0.75 * c + 0.125 * e), std::abs(d + 0.125 * a - 0.75 * c - 0.375 * e));
-      const double apart = largest(a, b, c, d, e) + largest(-a, -b, -c, -d, -e), share = inside ? quarters : halves;
+      const auto [least, most] = std::minmax({a, b, c, d, e});
+      const double apart = most - least, share = inside ? quarters : halves;
       const bool resolved = fine_ <= 2 * kFewest && share <= kFallsOff * apart;
-      y_share_[i] = resolved               ? share
-                    : fine_ <= 2 * kFewest ? apart
-                                           : largest(std::abs(a), std::abs(b), std::abs(c), std::abs(d), std::abs(e));
+      y_share_[i] = resolved ? share : fine_ <= 2 * kFewest ? apart : std::max(most, -least);
     }
     return y_share_;
   }

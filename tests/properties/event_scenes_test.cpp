@@ -155,8 +155,8 @@ HingeSpec& hinge(Scene& s) {
 double inside(const Reach& r, Draw& draw) { return r.lower + draw.between(0.1, 0.9) * (r.upper - r.lower); }
 
 /// On the side of the place that the motion does not start in.
-HingeLoadSpec limit(const Scene& s, const Reach& r, Draw& draw, double stiffness) {
-  const double q0 = hinge(const_cast<Scene&>(s)).q[0], place = inside(r, draw);
+HingeLoadSpec limit(Scene& s, const Reach& r, Draw& draw, double stiffness) {
+  const double q0 = hinge(s).q[0], place = inside(r, draw);
   HingeLoadSpec load{0, HingeLaw::stop, {-kInfinite, kInfinite, stiffness, 1.0, 0.0}, {}, {}};
   load.parameters[q0 > place ? 0 : 1] = place;
   if (draw.chance(0.3))
