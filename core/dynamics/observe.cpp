@@ -226,7 +226,7 @@ Force<double> Observer::wrench_in_host(int i) const {
   if (in_.gravity && model_.field.pulls() && M.m > 0) {
     Vec3<double> c, r;
     const RigidInertia<double>& all = inertia_[u.sweep];
-    if (model_.field.gradient) {
+    if (model_.field.gradient || u.sweep == 0) {  // what is fixed to the world is not one of the bodies that are pulled
       f -= soa::attraction(model_.field, M, ws_.pose_W(u.sweep), c, r, in_.moment);
     } else {  // its share of the pull at the mass centre of all
       const Vec3<double> pull = (M.m / all.m) * soa::attraction(model_.field, all, ws_.pose_W(u.sweep), c, r, in_.moment).f;

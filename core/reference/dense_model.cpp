@@ -115,13 +115,13 @@ void connect(DenseModel<T>& model) {
   for (std::size_t i = 0; i < model.outward.size(); ++i)
     for (const int c : children[model.outward[i]]) model.outward.push_back(c);
   if (model.outward.size() < model.bodies.size()) refuse(Code::cycle, {}, "a tree", "a closed loop");
-  std::map<int, int> first;  // of those that are fixed to each other
+  std::map<int, int> first;  // of those that are fixed to each other, and not to the world
   std::map<int, std::vector<int>> as_one;
   for (const int k : model.outward) {
     DenseBody<T>& b = model.bodies[k];
     if (b.parent >= 0) b.moving = model.bodies[b.parent].moving;
     for (int i = 0; i < b.free_nv() + b.n_modes; ++i) b.moving.push_back(b.iv + i);
-    const bool fixed = b.parent >= 0 && b.free_nv() + b.n_modes + model.bodies[b.parent].n_modes == 0;
+    const bool fixed = b.parent >= 0 && !b.moving.empty() && b.free_nv() + b.n_modes + model.bodies[b.parent].n_modes == 0;
     as_one[first[k] = fixed ? first[b.parent] : k].push_back(k);
   }
   for (const auto& [_, members] : as_one)

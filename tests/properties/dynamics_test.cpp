@@ -279,6 +279,25 @@ TEST(DenseTwin, AgreesWithTheSweepsInForces) {
     });
 }
 
+/// Fixed to the world each of them carries its own weight, 5 m and 7 m from where the field is centred.
+TEST(DenseTwin, AgreesInReactionsOfWhatIsFixedToTheWorld) {
+  constexpr double mu = 2000.0;
+  BodySpec post = on(rigid("post", 10.0, {0, 0, 1}, diagonal({1, 1, 1})), "", "locked");
+  BodySpec arm = on(rigid("arm", 3.0, {0, 0, 0}, diagonal({1, 1, 1})), "post", "locked", {}, {0, 0, 3});
+  const SystemSpec spec =
+      system({post, arm, on(particle("bus", 5.0, {0, 0, 0}), "", "translational")}, central_gravity(mu, false, {0, 0, -4}));
+  const auto model = compiled(spec);
+  Simulation sim(model, {});
+  sim.vdot();
+  const auto twin = reference::DenseTwin<double>(spec).at(sim.state().q, sim.state().v);
+  const auto wrenches = twin.hinge_wrenches(sim.vdot());
+  const double of_arm = 3.0 * mu / 49.0, of_post = 10.0 * mu / 25.0 + of_arm;
+  EXPECT_NEAR(sim.observe().hinge_wrench(0).f.z, of_post, 1e-12 * of_post);
+  EXPECT_NEAR(sim.observe().hinge_wrench(1).f.z, of_arm, 1e-12 * of_arm);
+  EXPECT_NEAR(wrenches[0][5], of_post, 1e-12 * of_post);
+  EXPECT_NEAR(wrenches[1][5], of_arm, 1e-12 * of_arm);
+}
+
 TEST(DenseTwin, AgreesWithTheSweepsInMotionAndReactions) {
   std::vector<TreeOptions> all = every_gravity_of_the_twin({.locked = 0.15});
   for (const TreeOptions& options : every_gravity_of_the_twin(kManyModes)) all.push_back(options);
