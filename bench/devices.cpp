@@ -1,7 +1,8 @@
 // What devices cost in a right-hand side:  cardan-bench-devices [--seconds S]
 // The spacecraft of 28 velocities with and without devices, in turn in one run: bytes and nanoseconds of one device of each type, mean of
-// ten of them; hinges, bodies, fields and devices of a plugin made of the same sources (--plugin); ten frictions and four thrusters; and
-// how the same is solved (error of v' against the dense twin in 113 bits where devices act). --fields: what fields cost at a point.
+// ten of them; hinges, bodies, fields and devices of a plugin made of the same sources (--plugin); ten frictions and four thrusters;
+// devices between two nodes far from the origin of the world; and how the same is solved (error of v' against the dense twin in 113 bits
+// where devices act). --fields: what fields cost at a point.
 #include <fmt/format.h>
 
 #include <fstream>
@@ -11,6 +12,7 @@
 #include "bench/time_ring.hpp"
 #include "bodies/register.hpp"
 #include "core/abi/device_family.hpp"
+#include "core/abi/device_laws.hpp"
 #include "core/abi/param_values.hpp"
 #include "core/sim/reference_check.hpp"
 #include "core/sim/simulation.hpp"
@@ -265,6 +267,13 @@ int run(double seconds, const std::string& plugin) {
   };
   for (const auto& [family, origin] : registry.devices.all())
     row(fmt::format("{} {}", kTen, family->type), with(bm.spec, *bare, *family, kTen), kTen);
+  for (const auto& [family, origin] : registry.devices.all()) {  // as in an orbit: places of both nodes are counted from what carries them
+    if (!reads_between_nodes(*family) || family->mounts[0].kind != CARDAN_MOUNT_NODE) continue;
+    SystemSpec flying = with(bm.spec, *bare, *family, kTen);
+    for (BodySpec& b : flying.bodies)
+      if (b.hinge.inboard_body.empty()) b.hinge.onode_position.x() += 7e6;
+    row(fmt::format("{} {}, 7000 km away", kTen, family->type), flying, kTen);
+  }
   SystemSpec creeping = with(bm.spec, *bare, *registry.device("lugre_friction"), kTen);
   for (DeviceSpec& d : creeping.devices) d.params["breakaway"] = {2.0, {}}, d.params["stribeck_rate"] = {1.0, {}};
   row(fmt::format("{} lugre_friction that creep", kTen), creeping, kTen);  // the exponential of their law does not vanish
