@@ -2,7 +2,7 @@
 
 #include <fmt/format.h>
 
-#include <Eigen/QR>
+#include <Eigen/Core>
 #include <algorithm>
 #include <fstream>
 #include <functional>
@@ -12,6 +12,7 @@
 #include "bodies/modal/modal_integrals.hpp"
 #include "bodies/modal/modal_source.hpp"
 #include "bodies/vehicle/load_vehicle.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/model/model.hpp"
 
 namespace cardan::bench {
@@ -216,7 +217,7 @@ BenchModel hub_appendages(int n, int m, int level) {
     for (double& x : shapes.reshaped()) x = random();
     for (int j = 0; j < lumps; ++j) shapes.middleRows<3>(3 * j) *= std::pow((j + 1.0) / lumps, 2);
     const double lump = 20.0 / lumps;
-    shapes = Eigen::HouseholderQR<Eigen::MatrixXd>(shapes).householderQ() * Eigen::MatrixXd::Identity(3 * lumps, m) / std::sqrt(lump);
+    shapes = thin_qr(shapes).Q / std::sqrt(lump);
     MassField field;
     field.mass.setConstant(lumps, lump);
     field.position.setZero(3, lumps);

@@ -97,7 +97,7 @@ std::vector<Exact> exact(const BenchModel& bm, const Registry& registry) {
 }
 
 double relative_error(const Eigen::VectorXd& computed, const Eigen::VectorXd& exact) {
-  const double error = (computed - exact).stableNorm() / exact.stableNorm();
+  const double error = Eigen::VectorXd(computed - exact).stableNorm() / exact.stableNorm();
   return std::isfinite(error) ? error : std::numeric_limits<double>::infinity();
 }
 

@@ -50,7 +50,8 @@ double without_rotors(const bench_loops::Model& bench, const Registry& registry,
       if (term.target.find("rotor") != std::string::npos) rotors.insert(term.target);
   if (rotors.empty()) return 0.0;
   spec.loops.clear();
-  bench_loops::Model tree{.name = bench.name, .json = {}, .spec = {}, .states = std::vector<bench_loops::State>(bench.states.size())};
+  bench_loops::Model tree;
+  tree.name = bench.name, tree.states.resize(bench.states.size());
   const std::shared_ptr<const Model> model = compile(bench.spec, registry);
   std::erase_if(spec.bodies, [&](const BodySpec& body) { return rotors.contains(body.name); });
   tree.spec = spec;

@@ -75,7 +75,7 @@ function(cardan_test name)
   add_executable(${name} ${sources})
   set_target_properties(${name} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${PROJECT_BINARY_DIR}/tests)
   list(LENGTH sources n)
-  math(EXPR batches "(${n} + 9) / 10")   # of at most ten files, alike: one of nine files is not two
+  math(EXPR batches "(${n} + 19) / 20")   # of at most twenty files, alike: one of nineteen files is not two
   math(EXPR batch "(${n} + ${batches} - 1) / ${batches}")
   cardan_unity(${name} ${batch})
   target_compile_options(${name} PRIVATE -Og)   # a fifth less to compile than with -O1; what is tested keeps its own flags

@@ -4,7 +4,7 @@
 // oracle_errors.txt in the build folder, or to the second argument.
 #include <fmt/format.h>
 
-#include <Eigen/LU>
+#include <Eigen/Core>
 #include <cstdio>
 #include <fstream>
 #include <set>
@@ -14,6 +14,7 @@
 #include "core/dynamics/inverse.hpp"
 #include "core/dynamics/loops.hpp"
 #include "core/dynamics/observe.hpp"
+#include "core/linalg/dense.hpp"
 #include "core/model/loops.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/diagonalised.hpp"
@@ -193,7 +194,7 @@ class Check {
     const VectorXd lambda = Eigen::Map<const VectorXd>(forces.multipliers.data(), model->loops.rows);
     const MatrixXd T = rows_of_file(*model, observer, forces), G = T * loop_matrix(*model, ws, in.q);
     array("constraints/G", G);
-    array("constraints/lambda_min_norm", VectorXd(T.transpose().inverse() * lambda));
+    array("constraints/lambda_min_norm", VectorXd(lu_solve(T.transpose(), lambda).x));
     const int rank = loop_rank(*model, ws, in.q).rank;
     scalar("constraints/rank", rank);
     scalar("constraints/mobility", model->nv - rank);

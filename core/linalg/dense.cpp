@@ -64,6 +64,10 @@ Eigen::VectorXcd eigenvalues(const MatrixXd& A) {
   balance(balanced);
   return Eigen::EigenSolver<MatrixXd>(balanced, false).eigenvalues();
 }
+ComplexPairs eigenpairs(const MatrixXd& A) {
+  const Eigen::EigenSolver<MatrixXd> solver(A);
+  return {solver.eigenvalues(), solver.eigenvectors()};
+}
 
 VectorXd singular_values(const MatrixXd& A) { return Eigen::JacobiSVD<MatrixXd>(A).singularValues(); }
 RightSingular right_singular(const MatrixXd& A) {

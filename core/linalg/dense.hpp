@@ -22,6 +22,11 @@ std::optional<Eigen::VectorXd> generalised_eigenvalues(const Eigen::MatrixXd& K,
 std::optional<DensePairs> modal_pairs(const Eigen::MatrixXd& K, const Eigen::MatrixXd& M);
 /// Of any real matrix, in no order.
 Eigen::VectorXcd eigenvalues(const Eigen::MatrixXd& A);
+struct ComplexPairs {
+  Eigen::VectorXcd values;
+  Eigen::MatrixXcd vectors;
+};
+ComplexPairs eigenpairs(const Eigen::MatrixXd& A);
 
 /// Descending.
 Eigen::VectorXd singular_values(const Eigen::MatrixXd& A);

@@ -13,15 +13,13 @@ inline constexpr double kAndrewsRest = 0.07785;      // [m]
 inline SystemSpec andrews_squeezer() {
   bench_loops::Model squeezer = bench_loops::read(CARDAN_SOURCE_DIR "/tests/reference/bench_loops/andrews.json");
   SystemSpec& spec = squeezer.spec;
-  const auto& spring = squeezer.json["springs"][0];
-  const auto node = [&](const char* name, const char* end) {
-    return NodeSpec{name, bench_loops::detail::vector(spring[end]["p"]), Eigen::Matrix3d::Identity(), {}};
-  };
+  const bench_loops::Spring& spring = squeezer.springs.at(0);
+  const auto node = [](const char* name, const PlaceSpec& end) { return NodeSpec{name, end.position, Eigen::Matrix3d::Identity(), {}}; };
   BodySpec frame = rigid("frame", 1.0, Eigen::Vector3d::Zero(), diagonal({1, 1, 1}));
   frame.hinge.type = "locked";
-  frame.nodes.push_back(node("C", "A"));
+  frame.nodes.push_back(node("C", spring.from));
   spec.bodies.push_back(frame);
-  spec.bodies[2].nodes.push_back(node("D", "B"));
+  spec.bodies[2].nodes.push_back(node("D", spring.to));
   DeviceSpec device;
   device.name = "spring", device.type = "spring_damper";
   device.params["stiffness"].value = kAndrewsStiffness;

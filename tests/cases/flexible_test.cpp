@@ -211,7 +211,7 @@ class Blade {
   /// Flap frequencies at this rate of spin, root at this distance from the axis: eta'' = -A eta by central differences;
   /// the error of the differences is 1e-9 (the motion is odd in eta, third order).
   VectorXd flap(double spin, double root) const {
-    VectorXd squares = tangent(spin, root).eigenvalues().real();
+    VectorXd squares = eigenvalues(tangent(spin, root)).real();
     std::sort(squares.begin(), squares.end());
     return squares.cwiseSqrt();
   }
@@ -277,11 +277,11 @@ TEST(SpinningBlade, FlapsInTimeWithTheFrequencyOfWrightsBeam) {
   const double spin = 6.0;
   const Blade blade(8, 20);
   const VectorXd want = ref.vector("eta=6, hub 0");
-  const Eigen::EigenSolver<MatrixXd> modes(blade.tangent(spin, 0.0));
+  const ComplexPairs modes = eigenpairs(blade.tangent(spin, 0.0));
   for (int k = 0; k < 3; ++k) {
     Eigen::Index nearest = 0;
-    (modes.eigenvalues().real().array().sqrt() - want[k]).abs().minCoeff<Eigen::PropagateNaN>(&nearest);
-    const VectorXd shape = modes.eigenvectors().col(nearest).real();
+    (modes.values.real().array().sqrt() - want[k]).abs().minCoeff<Eigen::PropagateNaN>(&nearest);
+    const VectorXd shape = modes.vectors.col(nearest).real();
     SimulationOptions options;
     options.integrator = {.method = "dopri5", .relative_tolerance = 1e-9};
     options.absolute_tolerance = 1e-13;

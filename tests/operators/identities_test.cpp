@@ -15,8 +15,8 @@ using namespace cardan::operators::letters;
 
 constexpr double kIdentity = 1e-12;
 
-struct Scene {
-  explicit Scene(const RandomTree& tree) : model(compiled(tree.spec)), state(model->initial_state()), ops(model) {
+struct Letters {
+  explicit Letters(const RandomTree& tree) : model(compiled(tree.spec)), state(model->initial_state()), ops(model) {
     ops.at(state.q.data());
     ops.articulate();
     ops.operational_space();
@@ -35,7 +35,7 @@ void expect_same(const char* what, L left, R right) {
     for_all_trees(
         options, kIdentity,
         [&](const RandomTree& tree) {
-          Scene s(tree);
+          Letters s(tree);
           const MatrixXd a = dense<false>(left, s.ops), b = dense<false>(right, s.ops);
           return differ(a, b);
         },
@@ -56,7 +56,7 @@ TEST(Operators, WhatIsLetGoCarriesNoHingeForce) {
     for_all_trees(
         options, kIdentity,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          Letters s(tree);
           return largest(dense(H * P_plus, s.ops)) / largest(dense(H * P, s.ops));
         },
         kTrees);
@@ -73,7 +73,7 @@ TEST(Operators, OmegaFromItsBlocks) {
     for_all_trees(
         options, kIdentity,
         [](const RandomTree& tree) {  // the blocks of Omega on the diagonal are Y
-          Scene s(tree);
+          Letters s(tree);
           const MatrixXd whole = dense(omega, s.ops), blocks = dense(Y, s.ops);
           double worst = 0.0;
           for (const auto& b : s.ops.bodies())
@@ -88,7 +88,7 @@ TEST(Operators, InverseOfTheMassMatrix) {
     for_all_trees(
         options, kIdentity,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          Letters s(tree);
           if (s.model->nv == 0) return 0.0;
           const MatrixXd A = dense<false>(mass, s.ops), B = dense<false>(mass_inverse, s.ops), one = MatrixXd::Identity(A.rows(), A.cols());
           // in units in which the diagonal of the mass matrix is 1
@@ -104,7 +104,7 @@ TEST(Operators, FusedKernelsAndDenseTwinAgreeWithTheRules) {
     for_all_trees(
         options, kIdentity,
         [](const RandomTree& tree) {
-          Scene s(tree);
+          Letters s(tree);
           if (s.model->nv == 0) return 0.0;
           const MatrixXd A = dense<false>(mass, s.ops), fused = dense(mass, s.ops);
           const auto twin = reference::DenseTwin<double>(tree.spec).at(s.state.q, s.state.v);
@@ -119,7 +119,7 @@ TEST(Operators, Adjoints) {  // x . (A y) = (A* x) . y for every leaf and kind o
       for_all_trees(
           options, kIdentity,
           [&](const RandomTree& tree) {
-            Scene s(tree);
+            Letters s(tree);
             std::vector<double> u(static_cast<std::size_t>(s.model->nv), 0.3);
             s.ops.along(u.data());
             const MatrixXd a = dense(e, s.ops), b = dense(star(e), s.ops);

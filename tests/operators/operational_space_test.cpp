@@ -1,6 +1,7 @@
 // Operational space, mass matrix by composite inertias and its inverse by blocks, against their dense definitions: J M^-1 J* with
 // J and M of the dense twin, on trees, subtrees and paths.
 #include "core/operators/operational_space.hpp"
+#include "core/linalg/dense.hpp"
 
 #include <random>
 
@@ -337,7 +338,7 @@ TEST(OperationalSpace, TellsTheRankAndNeverDividesByZero) {
   const Manipulability w = manipulability(ops, Task::of_rows({tip}, plane));
   EXPECT_NEAR(w.kinematic, std::sin(1.0), 1e-14);
   const Eigen::MatrixXd A = mass_matrix(ops);
-  EXPECT_NEAR(w.dynamic, std::sin(1.0) / std::sqrt(A.determinant()), 1e-13);
+  EXPECT_NEAR(w.dynamic, std::sin(1.0) / std::sqrt(determinant(A)), 1e-13);
 }
 
 // The node that the hinge of a flexible body holds cannot move along: what rounding leaves there is no mobility.

@@ -686,7 +686,7 @@ TEST(CurvedNodes, LetLoopsBesideThemBe) {
     }
 }
 
-std::string refusal(const std::function<void()>& of) {
+std::string refusal_of(const std::function<void()>& of) {
   try {
     of();
   } catch (const InputError& e) {
@@ -707,7 +707,7 @@ TEST(CurvedNodes, AreRefusedByName) {
     loop.from.body = from, loop.to.body = to;
     if (loop.type == "coupling") loop.terms = {{from, 1.0, {}}, {to, 1.0, {}}};
     with.loops = {loop};
-    return refusal([&] { made(with); });
+    return refusal_of([&] { made(with); });
   };
   const std::string on_the_way =
       unsupported + "  at: loops.loop\n  expected: a way of bodies whose nodes move along constant shapes\n" + carriage + end;
@@ -718,24 +718,24 @@ TEST(CurvedNodes, AreRefusedByName) {
 
   SystemSpec pulled = spec;
   pulled.gravity = central_gravity(100.0, true, {20, 0, 0});
-  EXPECT_EQ(refusal([&] { made(pulled); }), "nothing");
+  EXPECT_EQ(refusal_of([&] { made(pulled); }), "nothing");
   pulled.bodies[0].level = 0;
-  EXPECT_EQ(refusal([&] { made(pulled); }),
+  EXPECT_EQ(refusal_of([&] { made(pulled); }),
             unsupported +
                 "  at: bodies.carriage\n  expected: a body whose nodes move along constant shapes, at level 0 where gravity has a "
                 "gradient\n" +
                 carriage +
                 "  hint:     level 1 or 2, or gradient: false: at level 0 the gradient is formed from the integrals of modal data\n" + end);
   pulled.gravity.gradient = false;
-  EXPECT_EQ(refusal([&] { made(pulled); }), "nothing");
+  EXPECT_EQ(refusal_of([&] { made(pulled); }), "nothing");
 
   const auto model = made(spec);
-  EXPECT_EQ(refusal([&] { Momenta of(*model); }),
+  EXPECT_EQ(refusal_of([&] { Momenta of(*model); }),
             unsupported + "  at: momenta\n  expected: bodies whose nodes move along constant shapes\n" + carriage + end);
   for (const std::string& method : std::vector<std::string>{"exponential", "multirate", "variational"}) {
     SimulationOptions options;
     options.integrator.method = method, options.integrator.fixed_step = 0.01;
-    EXPECT_EQ(refusal([&] {
+    EXPECT_EQ(refusal_of([&] {
                 Simulation sim(model, options);
                 sim.run(0.1);
               }),

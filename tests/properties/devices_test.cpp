@@ -80,7 +80,9 @@ TEST(MomentumWheel, IsARotorOnABearing) {
   const double spin = 40.0;
   // As a body: axis z of its own frame along `axis`.
   BodySpec rotor = on(rigid("rotor", mass, {0, 0, 0}, diagonal({transverse, transverse, J})), "bus", "revolute", {{0, 0, 1}}, place);
-  rotor.hinge.onode_R = Eigen::Quaterniond::FromTwoVectors(Eigen::Vector3d::UnitZ(), axis).toRotationMatrix();
+  rotor.hinge.onode_R.col(2) = axis;
+  rotor.hinge.onode_R.col(0) = axis.unitOrthogonal();
+  rotor.hinge.onode_R.col(1) = axis.cross(rotor.hinge.onode_R.col(0));
   rotor.hinge.v = {spin};
   SpringDamper bearing;
   bearing.damping = viscous;

@@ -112,7 +112,7 @@ TEST(Equilibrium, IsToldOfWhatIsSoftBesideWhatIsStiff) {
       system({on(rigid("arm", 1.0, {0.5, 0, 0}, diagonal({0.1, 0.1, 0.1})), "", "revolute", {{0, 1, 0}}),
               on(rigid("bob", 2.0, {0, 0, -kLength}, diagonal({1e-3, 1e-3, 1e-3})), "arm", "revolute", {{0, 1, 0}}, {1, 0, 0})},
              uniform_gravity({0, 0, -kWeight}));
-  spec.bodies[0].hinge.springs = {{.stiffness = 1e12}};
+  spec.bodies[0].hinge.springs = {{0, 1e12, 0.0, 0.0, {}}};
   Simulation sim(compiled(spec), {});
   sim.set_force(1, 1.01 * 2.0 * kWeight * kLength);
   const Equilibrium found = find_equilibrium(sim, {.move = {0, 1}});
@@ -281,7 +281,7 @@ TEST(Equilibrium, CountsNoWholeTurnsThatNothingFeels) {
       links.push_back(on(rigid(names[i], 1.0, {0.5, 0, 0}, diagonal({0.001, 0.083, 0.083})), i > 0 ? names[i - 1] : "", "revolute",
                          {{0, 1, 0}}, i > 0 ? Vector3d(1, 0, 0) : Vector3d(0, 0, 0)));
       links.back().hinge.q = {start[i]};
-      if (stiffness > 0.0) links.back().hinge.springs = {{.stiffness = stiffness}};
+      if (stiffness > 0.0) links.back().hinge.springs = {{0, stiffness, 0.0, 0.0, {}}};
     }
     Simulation sim(compiled(system(links, uniform_gravity({0, 0, -kWeight}))), {});
     const Equilibrium found = find_equilibrium(sim, {.move = named(sim.model(), names)});

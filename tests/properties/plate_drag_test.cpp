@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/linalg/dense.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/properties/accurate.hpp"
 #include "tests/properties/random_devices.hpp"
@@ -109,11 +110,11 @@ TEST(PlateDrag, OfASphereOfPlatesIsThatOfASphere) {
   const int n = 32, around = 3;
   Eigen::MatrixXd jacobi = Eigen::MatrixXd::Zero(n, n);  // of Legendre's polynomials [Golub, Welsch 1969]
   for (int k = 1; k < n; ++k) jacobi(k, k - 1) = jacobi(k - 1, k) = k / std::sqrt(4.0 * k * k - 1.0);
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> places(jacobi);
+  const DensePairs places = symmetric_pairs(jacobi);
   std::vector<DeviceSpec> plates;
   for (int i = 0; i < n; ++i)
     for (int k = 0; k < around; ++k) {
-      const double x = places.eigenvalues()[i], weight = 2.0 * std::pow(places.eigenvectors()(0, i), 2), y = std::sqrt(1.0 - x * x);
+      const double x = places.values[i], weight = 2.0 * std::pow(places.vectors(0, i), 2), y = std::sqrt(1.0 - x * x);
       const double turn = 2.0 * pi * k / around;
       plates.push_back(air.plate("plate_" + std::to_string(plates.size()), "body", weight * 2.0 * pi / around,
                                  {x, y * std::cos(turn), y * std::sin(turn)}));

@@ -103,9 +103,9 @@ Report report_on(const std::string& plugin, const std::string& fault = "", const
   std::vector<std::string> words{"check-plugin", "p.so", "--out", "report.txt", "--json"};
   words.insert(words.end(), more.begin(), more.end());
   const Finished check = with_fault(fault, words, dir.path());
-  const auto json = nlohmann::ordered_json::parse(check.out);
-  EXPECT_EQ(json["sha256"], sha256_of_file(dir / "p.so"));
-  return {check.exit_code, file_text(dir / "report.txt"), json};
+  const auto told = nlohmann::ordered_json::parse(check.out);
+  EXPECT_EQ(told["sha256"], sha256_of_file(dir / "p.so"));
+  return {check.exit_code, file_text(dir / "report.txt"), told};
 }
 
 TEST(PluginReports, TellWhatWasTriedOfEachKind) {

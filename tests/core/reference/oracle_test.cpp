@@ -2,9 +2,10 @@
 // the file at full length to 1e-28, which leaves no room for a formula that is nearly right.
 #include <gtest/gtest.h>
 
-#include <Eigen/Cholesky>
+#include <Eigen/Core>
 
 #include "core/reference/dense_dynamics.hpp"
+#include "core/reference/factor.hpp"
 #include "core/reference/quad.hpp"
 #include "tests/support/tolerance.hpp"
 
@@ -213,7 +214,7 @@ class Evaluation {
       array(at + "J", n.J);
       J.middleRows(6 * i, 6) = n.J;
     }
-    if (J.rows() > 0) array("osi_nodes", J * Eigen::LLT<MatX<T>>(state_.M).solve(J.transpose()));
+    if (J.rows() > 0) array("osi_nodes", J * Factor<T>(state_.M).solve(MatX<T>(J.transpose())));
   }
 
   void check_hybrid(const VecX<T>& tau, const NodeWrenches<T>& wrenches) {

@@ -20,7 +20,7 @@ namespace {
 
 using Eigen::VectorXd;
 
-SimulationOptions by(const std::string& method, double relative, Dynamics dynamics = Dynamics::standard) {
+SimulationOptions with(const std::string& method, double relative, Dynamics dynamics = Dynamics::standard) {
   SimulationOptions o;
   o.integrator.method = method, o.integrator.relative_tolerance = relative;
   o.dynamics = dynamics;
@@ -52,7 +52,7 @@ State at_end(const SystemSpec& spec, const SimulationOptions& options, double t_
 }
 
 TEST(DenseRun, AccelerationsAreThoseOfTheTwinToTheBit) {
-  Simulation sim(compiled(flexible()), by("dopri5", 1e-9, Dynamics::dense));
+  Simulation sim(compiled(flexible()), with("dopri5", 1e-9, Dynamics::dense));
   sim.set_force(0, 0.3);
   const OdeProblem ode = sim.ode();
   const Eigen::Index nq = sim.state().q.size(), nv = sim.state().v.size();
@@ -68,18 +68,18 @@ TEST(DenseRun, AccelerationsAreThoseOfTheTwinToTheBit) {
 
 // Rounding of both, over some hundred steps; loops, modes, springs.
 TEST(DenseRun, GoesWhereTheSweepsGo) {
-  EXPECT_LE(apart(at_end(four_bar(), by("dop853", 1e-12, Dynamics::dense), 0.5), at_end(four_bar(), by("dop853", 1e-12), 0.5)), 1e-10);
-  EXPECT_LE(apart(at_end(flexible(), by("dop853", 1e-12, Dynamics::dense), 1.0), at_end(flexible(), by("dop853", 1e-12), 1.0)), 1e-10);
+  EXPECT_LE(apart(at_end(four_bar(), with("dop853", 1e-12, Dynamics::dense), 0.5), at_end(four_bar(), with("dop853", 1e-12), 0.5)), 1e-10);
+  EXPECT_LE(apart(at_end(flexible(), with("dop853", 1e-12, Dynamics::dense), 1.0), at_end(flexible(), with("dop853", 1e-12), 1.0)), 1e-10);
   for (unsigned seed = first_seed(); seed < first_seed() + 6; ++seed) {
     TreeOptions tree{.bodies = 4, .springs = true};
     tree.gravity = seed % 2 == 0 ? GravitySpec::Kind::uniform : GravitySpec::Kind::none;
     const SystemSpec spec = random_tree(seed, tree).spec;
-    EXPECT_LE(apart(at_end(spec, by("dop853", 1e-12, Dynamics::dense), 0.1), at_end(spec, by("dop853", 1e-12), 0.1)), 1e-9) << seed;
+    EXPECT_LE(apart(at_end(spec, with("dop853", 1e-12, Dynamics::dense), 0.1), at_end(spec, with("dop853", 1e-12), 0.1)), 1e-9) << seed;
   }
 }
 
 TEST(DenseRun, MethodsThatAskForNoAccelerationsAreRefused) {
-  SimulationOptions options = by("variational", 1e-9, Dynamics::dense);
+  SimulationOptions options = with("variational", 1e-9, Dynamics::dense);
   options.integrator.fixed_step = 0.01;
   Simulation sim(compiled(flexible()), options);
   EXPECT_THROW(sim.run(0.1), InputError);
@@ -108,23 +108,23 @@ SystemSpec top() {
 
 // What is left is what turns of 20 rad make of the last bit of a number: of the closed form in long double and of the end.
 TEST(Extended, ATopIsThereToTheLastBits) {
-  EXPECT_LE(apart(at_end(top(), by("extended", 1e-24), 8.0), exact_top(8.0)), 3e-16);
-  EXPECT_GE(apart(at_end(top(), by("dop853", 1e-13), 8.0), exact_top(8.0)), 3e-15) << "no method in double gets there";
+  EXPECT_LE(apart(at_end(top(), with("extended", 1e-24), 8.0), exact_top(8.0)), 3e-16);
+  EXPECT_GE(apart(at_end(top(), with("dop853", 1e-13), 8.0), exact_top(8.0)), 3e-15) << "no method in double gets there";
 }
 
 TEST(Extended, ErrorsGoWithTheTolerance) {
-  const State exact = at_end(flexible(), by("extended", 1e-22), 0.4);
-  EXPECT_LE(apart(at_end(flexible(), by("extended", 1e-17), 0.4), exact), 1e-15);
-  const double coarse = apart(at_end(flexible(), by("extended", 1e-8), 0.4), exact);
+  const State exact = at_end(flexible(), with("extended", 1e-22), 0.4);
+  EXPECT_LE(apart(at_end(flexible(), with("extended", 1e-17), 0.4), exact), 1e-15);
+  const double coarse = apart(at_end(flexible(), with("extended", 1e-8), 0.4), exact);
   EXPECT_GE(coarse, 1e-14);
   EXPECT_LE(coarse, 1e-6);
-  EXPECT_LE(apart(at_end(flexible(), by("dop853", 1e-13), 0.4), exact), 1e-11);
+  EXPECT_LE(apart(at_end(flexible(), with("dop853", 1e-13), 0.4), exact), 1e-11);
 }
 
 TEST(Extended, LoopsAreClosedInAllDigits) {
-  Simulation sim(compiled(four_bar()), by("extended", 1e-22));
+  Simulation sim(compiled(four_bar()), with("extended", 1e-22));
   sim.run(0.5);
-  EXPECT_LE(apart(sim.state(), at_end(four_bar(), by("dop853", 1e-13), 0.5)), 1e-11);
+  EXPECT_LE(apart(sim.state(), at_end(four_bar(), with("dop853", 1e-13), 0.5)), 1e-11);
   const LedgerState ledger = sim.ledger();
   EXPECT_LE(std::max({ledger.linear_relative, ledger.angular_relative, ledger.energy_relative}), 1e-11)
       << "rates in double, times the weights of an extrapolation";
@@ -144,7 +144,7 @@ TEST(Extended, AStartThatIsOpenIsClosed) {
   vehicle.enter(0.0, x.data());
   ASSERT_GT(vehicle.step(0.0, 1e-3).order, 0);
   vehicle.found(x.data());
-  Simulation sim(model, by("dopri5", 1e-9));
+  Simulation sim(model, with("dopri5", 1e-9));
   state.q = x.head(3), state.v = x.tail(3);
   sim.set_state(state);
   for (const double c : sim.loop_forces().residual) EXPECT_LE(std::abs(c), 2e-16);
@@ -155,7 +155,7 @@ TEST(Extended, AStartThatIsOpenIsClosed) {
 // A command that is set to what it was starts nothing; one that moves by nothing that matters does, and the digits stay.
 TEST(Extended, DigitsBeyondADoubleStayOverTicks) {
   const auto ticked = [](bool commands) {
-    Simulation sim(compiled(top()), by("extended", 1e-24));
+    Simulation sim(compiled(top()), with("extended", 1e-24));
     if (commands) sim.every({1, 20}, [&sim] { sim.set_force(5, sim.force(5) == 0.0 ? 1e-40 : 0.0); });
     sim.run(2.0);
     EXPECT_EQ(sim.statistics().restarts > 30, commands);
@@ -169,7 +169,7 @@ TEST(Extended, WhatATickDoesNotTouchKeepsItsDigits) {
   const auto ticked = [](bool touched) {
     SystemSpec spec = top();
     spec.bodies.push_back(on(rigid("other", 2.0, {0, 0, 0}, diagonal({3, 3, 5})), "", "revolute", {{0, 0, 1}}));
-    Simulation sim(compiled(spec), by("extended", 1e-24));
+    Simulation sim(compiled(spec), with("extended", 1e-24));
     if (touched) sim.every({1, 50}, [&sim] { sim.v(6) += 0.01; });
     sim.run(2.0);
     return sim.state();
@@ -181,7 +181,7 @@ TEST(Extended, WhatATickDoesNotTouchKeepsItsDigits) {
 }
 
 TEST(Extended, AnEventIsWhereItIs) {
-  Simulation sim(compiled(top()), by("extended", 1e-20));
+  Simulation sim(compiled(top()), with("extended", 1e-20));
   double seen = 0.0;
   sim.add_event({"wx turns over", [](double, const double*, const double* v) { return v[0]; }, 0,
                  [&] {
@@ -207,7 +207,7 @@ SystemSpec platform(bool arm) {
 // 3 rad/s less the profile's rate, and the integral of that, over corners and ticks: the twin's rounding aside, the last bit of each.
 TEST(Extended, GivenMotionsAreFollowedInAllDigits) {
   const auto at = [](MotionProfile profile, double t_end) {
-    Simulation sim(compiled(platform(false)), by("extended", 1e-24));
+    Simulation sim(compiled(platform(false)), with("extended", 1e-24));
     sim.prescribe(0, std::move(profile));
     sim.every({1, 3}, [&sim] { sim.set_force(1, sim.force(1) == 0.0 ? 1e-40 : 0.0); });
     sim.run(t_end);
@@ -233,7 +233,7 @@ TEST(Extended, GivenMotionsAreFollowedInAllDigits) {
 // The wheel passes 2 rad at 2/3 s, where 0.1 N m begin to drive its 0.2 kg m^2. The time is known to 4 eps of it, and times 0.5 rad/s^2 or
 // the way to go so are rate and angle.
 TEST(Extended, WhatAnEventChangesIsKnownAsWellAsItsTime) {
-  Simulation sim(compiled(platform(false)), by("extended", 1e-20));
+  Simulation sim(compiled(platform(false)), with("extended", 1e-20));
   sim.add_event({"2 rad", [](double, const double* q, const double*) { return q[1] - 2.0; }, 1, [&sim] { sim.set_force(1, 0.1); }});
   sim.run(2.0);
   const double late = 4.0 * 2.2e-16 * 2.0 / 3.0;
@@ -249,15 +249,15 @@ TEST(Extended, WhatHangsOnGivenMotionsAgreesWithDouble) {
     sim.run(1.0);
     return sim.state();
   };
-  const State exact = at(by("extended", 1e-22));
-  EXPECT_LE(apart(at(by("extended", 1e-17)), exact), 1e-15);
-  EXPECT_LE(apart(at(by("dop853", 1e-13)), exact), 1e-12);
+  const State exact = at(with("extended", 1e-22));
+  EXPECT_LE(apart(at(with("extended", 1e-17)), exact), 1e-15);
+  EXPECT_LE(apart(at(with("dop853", 1e-13)), exact), 1e-12);
 }
 
 // Length and its rate are those of the profile, m r^2 theta' stays: to the last bits, over ticks that restart, after which all is closed
 // anew in double.
 TEST(Extended, ADrivenLengthIsFollowedInAllDigits) {
-  Simulation sim(compiled(mass_on_a_string({0.0, 1.5, 0.0})), by("extended", 1e-22));
+  Simulation sim(compiled(mass_on_a_string({0.0, 1.5, 0.0})), with("extended", 1e-22));
   sim.prescribe_loop("string", MotionProfile::sine(0.4, 0.25, -0.5 * 3.14159265358979323846));
   sim.every({1, 4}, [&sim] { sim.set_force(2, sim.force(2) == 0.0 ? 1e-40 : 0.0); });
   sim.run(3.0);
@@ -290,7 +290,7 @@ TEST(Extended, ItsBalancesKnowWhatTheirOwnIntegralsMayBeOffBy) {
 TEST(Extended, GoesOnFromACheckpointWithTheSameBits) {
   std::optional<Checkpoint> kept;
   const auto scene = [&](const SystemSpec& spec, bool first) {
-    Simulation sim(compiled(spec), by("extended", 1e-20));
+    Simulation sim(compiled(spec), with("extended", 1e-20));
     if (sim.model().loops.empty()) sim.prescribe(0, MotionProfile::sine(0.2, 0.8, 0.3));
     if (!sim.model().loops.empty()) sim.prescribe_loop("string", MotionProfile::sine(0.4, 0.25, 0.0));
     sim.every({1, 4}, [&sim] { sim.set_force(1, 0.1 * sim.time()); });
@@ -320,7 +320,7 @@ TEST(Extended, WhatIsKnownInDoubleAloneIsNamed) {
   rubbing.devices = {device("bearing", "dry_friction", {{"coulomb", 0.1}}, {{"at", "arm"}})};
   const auto equipped = compiled(rubbing);
   EXPECT_EQ(VehicleExtended::refusal(*equipped), "device bearing (dry_friction), which computes in double");
-  Simulation sim(equipped, by("extended", 1e-20));
+  Simulation sim(equipped, with("extended", 1e-20));
   EXPECT_THROW(sim.run(0.1), InputError);
 }
 
