@@ -226,7 +226,8 @@ class ModeDoubts {
   Vector6 rigid_;  // [kg m^2 | kg] of the body as it stands, about its origin; infinite where it has none
 };
 
-/// What M itself says of the body and of its modes at first order.
+/// What M itself says of the body and of its modes at first order. Where the masses between the nodes are not all of M, I8 is theirs about
+/// the mass centre, from where it is moved by I3 of M: about any other point the error would grow with its distance.
 void set_rigid_and_first(const FeModel& model, const Eigen::MatrixXd& shapes, ModalIntegrals& I) {
   const RigidShapes R = model.rigid_shapes();
   const Eigen::MatrixXd MR = model.M * R;
@@ -235,6 +236,12 @@ void set_rigid_and_first(const FeModel& model, const Eigen::MatrixXd& shapes, Mo
   I.I1 = A.bottomRightCorner<3, 3>().trace() / 3.0;
   I.I2 = first_moment(A);
   I.I7 = A.topLeftCorner<3, 3>();
+  const Eigen::Vector3d centre = I.I2 / I.I1;
+  for (std::size_t k = 0; k < I.I8.size(); ++k) {
+    const auto mode = static_cast<Eigen::Index>(k);
+    const Eigen::Vector3d more = first.col(mode).tail<3>() - I.I3.col(mode);
+    I.I8[k] += centre.dot(more) * Eigen::Matrix3d::Identity() - more * centre.transpose();
+  }
   I.I3 = first.bottomRows(3);
   I.I4 = first.topRows(3);
   for (std::size_t k = 0; k < I.I8.size() && I.rotary_ww.empty(); ++k) {  // I8 - I8* = -I4~, which a file of these modes has to obey
