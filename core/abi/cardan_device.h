@@ -190,7 +190,8 @@ typedef struct cardan_device_family {
    * that passes the most: `event` with root = n_roots + 1, direction that in which it then begins to move. */
   double (*holds)(const cardan_device_args*);
   /* [step: pure] (optional) z' once v' is known, of states that are integrals of what accelerations cause: the velocity that an IMU adds
-   * up. `evaluate` then gives no zdot, nor does its tangent. Reads t, packed, z and mounts at nodes, with alpha and specific_force,
+   * up. It is affine in these: where velocities jump, z jumps by what alpha, specific_force and vdot that are their jumps add to it.
+   * `evaluate` then gives no zdot, nor does its tangent. Reads t, packed, z and mounts at nodes, with alpha and specific_force,
    * whatever their use; in and d are null, hinge components are there with vdot, of fields nothing. 0 = done, else the step is tried again
    * smaller. */
   int (*follow)(const cardan_device_args*, double* zdot);

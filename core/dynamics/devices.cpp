@@ -404,6 +404,28 @@ void DeviceForces::event(int device, std::uint32_t root, int direction, double* 
   called_.device = -1;
 }
 
+bool DeviceForces::feel(int index, std::vector<cardan_mount_motion> mounts, double* z) {
+  const Device& d = model_.devices.all[index];
+  const int n = static_cast<int>(d.family->n_states);
+  std::vector<double> with(d.family->n_states), without(d.family->n_states);
+  cardan_device_args args = args_[index];
+  args.in = args.d = nullptr, args.mount = mounts.data(), args.z = z + d.z;
+  called_ = {index, "follow"};
+  int code = d.family->follow(&args, with.data());
+  for (cardan_mount_motion& m : mounts) std::fill_n(m.alpha, 3, 0.0), std::fill_n(m.specific_force, 3, 0.0), m.vdot = 0.0;
+  if (code == 0) code = d.family->follow(&args, without.data());
+  called_.device = -1;
+  if (code != 0) {
+    fault_ = {index, answer(d, "follow", code)};
+    return false;
+  }
+  for (std::size_t i = 0; i < with.size(); ++i) z[d.z + static_cast<int>(i)] += with[i] - without[i];
+  if (all_finite(z + d.z, n)) return true;
+  fault_ = {index, fmt::format("follow: a jump makes {} = {}", d.family->states[first_not_finite(z + d.z, n)].name,
+                               z[d.z + first_not_finite(z + d.z, n)])};
+  return false;
+}
+
 bool DeviceForces::tick(int index, double period, const double* noise, double* z, double* marks) {
   const Device& d = model_.devices.all[index];
   called_ = {index, "tick"};

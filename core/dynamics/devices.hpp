@@ -118,6 +118,11 @@ class DeviceForces : public StateLoads<double> {
   bool tick(int device, double period, const double* noise, double* z, double* marks);
   /// [N s], [N m s] What it pushes with all at once, per mount, just before event() or tick() with the same arguments.
   bool impulse(int device, std::uint32_t cause, int direction, std::vector<cardan_mount_load>& loads);
+  /// Those with `follow`.
+  std::span<const int> following() const { return following_; }
+  /// What states that follow from accelerations take of a jump of velocities, which is in alpha, specific_force and vdot of the mounts:
+  /// z' is affine in these, and their integrals over the jump are finite. False: fault() tells why.
+  bool feel(int device, std::vector<cardan_mount_motion> mounts, double* z);
   /// Where the accelerations of a mount go before its tick; zero again after it.
   cardan_mount_motion& motion_of_tick(int mount) { return motions_[mount]; }
   const DeviceFault& fault() const { return fault_; }

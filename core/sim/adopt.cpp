@@ -124,8 +124,6 @@ void Simulation::take_in() {
   history_.leave_model();
   ledger();  // up to here
   const Sums were = in_run ? sums() : Sums{};
-  const std::size_t remembered = in_run ? remember_roots() : passing_.size();
-  const std::vector<double> roots_were(passing_.begin() + static_cast<std::ptrdiff_t>(remembered), passing_.end());
   const std::shared_ptr<const Model> before = model_;
   const auto make = std::exchange(next_model_, nullptr);
   Rejoined next = make();
@@ -134,6 +132,8 @@ void Simulation::take_in() {
   for (const NodeWrench& w : std::span(wrenches_).subspan(static_cast<std::size_t>(before->devices.n_loads)))
     if (!next.model->has(OpCode::node_wrenches) || (w.world_axes && !next.model->has(OpCode::world)))
       throw std::logic_error("adopt: compile the model with the CompileOptions of the one before");
+  const std::size_t remembered = in_run ? begin_jump() : passing_.size();
+  const std::vector<double> roots_were(passing_.begin() + static_cast<std::ptrdiff_t>(remembered), passing_.end());
   own_ = next.model->changes() ? std::make_shared<Model>(*next.model) : nullptr;
   model_ = own_ ? std::shared_ptr<const Model>(own_) : next.model;
   now_ = then(now_, map, *model_);
@@ -213,7 +213,7 @@ void Simulation::take_in() {
     }
   }
   passing_.resize(remembered), passing_.insert(passing_.end(), roots.begin(), roots.end());
-  pass_roots(remembered);
+  end_jump(remembered);
   for (std::size_t i = 0; i < map.body.size(); ++i) {
     const UserBody& u = before->user[i];
     if (u.n_modes == 0) continue;

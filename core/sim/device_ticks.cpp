@@ -17,6 +17,9 @@ namespace {
 /// Its noise, and what it may change.
 std::size_t numbers_of_tick(const Device& d) { return std::size_t{d.family->n_noise} + d.family->n_states + d.family->n_marks; }
 
+constexpr double kMoved = 1e-6,
+                 kMovedFar = 1e-12;  // [m], of the distance from the origin: what closing loops and rounding may move a node by
+
 /// [s] when a command that was set at t is too old: later than a tick that comes after just `timeout`, whatever rounding did to both.
 double due(double t, double timeout) { return (t + timeout) * (1.0 + 4.0 * std::numeric_limits<double>::epsilon()); }
 
@@ -205,7 +208,7 @@ void Simulation::device_roots(double t, const double* x, double* g) {
 }
 
 /// Those at the present state go behind what `passing_` has; where they begin there.
-std::size_t Simulation::remember_roots() {
+std::size_t Simulation::roots_of_devices() {
   const std::size_t from = passing_.size();
   if (!on_trial_) return from;
   observe();  // what inputs are given
@@ -217,10 +220,60 @@ std::size_t Simulation::remember_roots() {
   return from;
 }
 
+std::vector<cardan_mount_motion> Simulation::motion_of_mounts(const Device& d) {
+  std::vector<cardan_mount_motion> all(d.mounts.size());
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    if (d.mounts[i].v >= 0) all[i].q = d.mounts[i].q >= 0 ? state_.q[d.mounts[i].q] : 0.0, all[i].v = state_.v[d.mounts[i].v];
+    if (d.mounts[i].node < 0) continue;
+    const NodeState n = observe().node(d.mounts[i].node);
+    Eigen::Matrix<double, 3, 3, Eigen::RowMajor>::Map(all[i].R_WN) = n.R_WN;
+    Eigen::Vector3d::Map(all[i].position) = n.position;
+    Eigen::Vector3d::Map(all[i].omega) = n.velocity.head<3>(), Eigen::Vector3d::Map(all[i].velocity) = n.velocity.tail<3>();
+  }
+  return all;
+}
+
+/// States that follow from accelerations take what velocities have jumped by since begin_jump(), or since this was called last.
+void Simulation::feel_jump() {
+  for (const int i : devices_ ? devices_->following() : std::span<const int>{}) {
+    const Device& d = model_->devices.all[static_cast<std::size_t>(i)];
+    const std::vector<cardan_mount_motion> now = motion_of_mounts(d), before = std::exchange(felt_.mounts[d.name], now);
+    if (before.size() != now.size()) continue;  // it is new
+    std::vector<cardan_mount_motion> jumped = now;
+    bool any = false;
+    for (std::size_t k = 0; k < now.size(); ++k) {
+      using Eigen::Vector3d;
+      const auto place = Vector3d::Map(now[k].position);
+      if ((place - Vector3d::Map(before[k].position)).norm() > kMoved + kMovedFar * place.norm())
+        continue;  // a change of the vehicle put it elsewhere
+      Vector3d::Map(jumped[k].alpha) = Vector3d::Map(now[k].omega) - Vector3d::Map(before[k].omega);
+      Vector3d::Map(jumped[k].specific_force) = Vector3d::Map(now[k].velocity) - Vector3d::Map(before[k].velocity);
+      jumped[k].vdot = now[k].v - before[k].v;
+      any = any || jumped[k].vdot != 0.0 || !Vector3d::Map(jumped[k].alpha).isZero(0.0) ||
+            !Vector3d::Map(jumped[k].specific_force).isZero(0.0);
+    }
+    if (!any) continue;
+    bool good = false;
+    if (!unless_thrown([&] { good = devices_->feel(i, std::move(jumped), state_.z.data()); }) || !good) fail(explain({}));
+    changed();
+  }
+}
+
+/// Before velocities jump at an instant, by whatever: roots of devices are remembered, and how their mounts move. What is given goes to
+/// end_jump().
+std::size_t Simulation::begin_jump() {
+  if (felt_.t != state_.t) felt_.depth = 0;
+  if (felt_.depth++ == 0) felt_.mounts.clear(), felt_.t = state_.t;
+  feel_jump();
+  return roots_of_devices();
+}
+
 /// What a jump of the state has carried across zero happens; `before`: where roots before it are remembered, 0 of those that do not count.
-void Simulation::pass_roots(std::size_t before) {
+void Simulation::end_jump(std::size_t before) {
+  feel_jump();
+  --felt_.depth;
   if (!on_trial_) return;
-  const std::size_t now = remember_roots();
+  const std::size_t now = roots_of_devices();
   bool any = false;
   for (std::size_t i = 0; i < model_->devices.all.size(); ++i) {
     const Device& d = model_->devices.all[i];

@@ -2,6 +2,7 @@
 // A run: model, state, integrator, clocked tasks, events and outputs. The page that computes one step is step.cpp.
 #include <functional>
 #include <limits>
+#include <map>
 #include <memory>
 #include <optional>
 #include <string>
@@ -283,8 +284,11 @@ class Simulation {
   void pack(double* x) const;
   void unpack(const double* x);
   void device_roots(double t, const double* x, double* g);
-  std::size_t remember_roots();
-  void pass_roots(std::size_t before);
+  std::size_t roots_of_devices();
+  std::size_t begin_jump();
+  void end_jump(std::size_t before);
+  std::vector<cardan_mount_motion> motion_of_mounts(const Device& d);
+  void feel_jump();
   void device_happens(int device, std::uint32_t root, int side);
   void start_devices(std::span<const int> but = {});
   Inputs hold_inputs(double t, const double* x);
@@ -507,8 +511,13 @@ class Simulation {
   } trail_;
   std::vector<double> hold_tau_, hold_vdot_, hold_x_;  // scratch
   std::vector<double> passing_;                        // roots of devices before the jumps that are under way, those of the innermost last
-  std::vector<LoopDrive> hold_drives_;                 // likewise
-  std::vector<double> x_given_;                        // a state of the integrator with the given motions put in
+  struct {
+    int depth = 0;  // jumps within jumps
+    double t = 0.0;
+    std::map<std::string, std::vector<cardan_mount_motion>> mounts;  // of devices with `follow`: up to here they have felt what has jumped
+  } felt_;
+  std::vector<LoopDrive> hold_drives_;                        // likewise
+  std::vector<double> x_given_;                               // a state of the integrator with the given motions put in
   double stretch_ = std::numeric_limits<double>::infinity();  // [s] during a step: a time on its stretch between two corners
   std::vector<NodeWrench> wrenches_;
   Eigen::VectorXd vdot_;
