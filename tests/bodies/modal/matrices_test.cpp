@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Dense>
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <functional>
@@ -319,6 +320,34 @@ TEST(Matrices, ChangeInertiaAlikeAboutAnyOrigin) {  // I8 was 1 % (first mode) t
     const Vector3d I3 = a.I3.col(static_cast<Eigen::Index>(k));
     const double sign = I3.dot(b.I3.col(static_cast<Eigen::Index>(k))) < 0.0 ? -1.0 : 1.0;
     EXPECT_LE(apart(sign * b.I8[k], a.I8[k] + d.dot(I3) * Matrix3d::Identity() - I3 * d.transpose()), 1e-7) << "mode " << k;
+  }
+}
+
+TEST(Matrices, ChangeInertiaByWhatAMassAddsAndNoMore) {
+  ModalSource like = slender_boom();
+  std::get<BeamModel>(like.model).elements = 2;
+  like.boundary = Boundary::craig_bampton, like.modes.count = 0, like.points[0].interface = true;
+  const Written written(mesh_of(like));
+  const Vector3d tip(6.0, 0.0, 0.0);
+  const auto of_tip = [&](std::vector<PointMass> masses) {  // I8 by unit motions of the tip, that the shapes are made of
+    ModalSource source = written.source(like);
+    source.masses = std::move(masses);
+    const ModalData data = make_modal_data(source);
+    MatrixXd motion(6, 6);
+    motion << data.nodes[1].Phi, data.nodes[1].Psi;
+    const MatrixXd back = motion.inverse();
+    std::array<Matrix3d, 6> I8;
+    for (int j = 0; j < 6; ++j) {
+      I8[static_cast<std::size_t>(j)].setZero();
+      for (int k = 0; k < 6; ++k) I8[static_cast<std::size_t>(j)] += back(k, j) * data.integrals.I8[static_cast<std::size_t>(k)];
+    }
+    return I8;
+  };
+  const auto bare = of_tip({}), loaded = of_tip({{3.0, tip, Matrix3d::Zero()}});
+  for (int j = 0; j < 6; ++j) {
+    const Vector3d phi = j < 3 ? Vector3d(Vector3d::Unit(j)) : Vector3d(Vector3d::Zero());
+    const Matrix3d mass = 3.0 * (tip.dot(phi) * Matrix3d::Identity() - phi * tip.transpose());
+    EXPECT_LE((loaded[static_cast<std::size_t>(j)] - bare[static_cast<std::size_t>(j)] - mass).norm(), 1e-9) << "motion " << j;
   }
 }
 
