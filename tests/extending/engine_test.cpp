@@ -59,6 +59,21 @@ TEST(ExtendingTheEngine, TheIntegratorIsOfOrderTwo) {
   EXPECT_NEAR(y_coarse / y_fine, 4.0, 0.4);
 }
 
+/// By which the balances of a run are judged: over the steps to the event the sum of what each is off by, h^3/6 of the amplitude.
+TEST(ExtendingTheEngine, TheIntegratorTellsTheErrorsOfItsSteps) {
+  const double h = 0.01, allowed = 1e-12 + IntegratorOptions{}.relative_tolerance;  // of the amplitude, which is 1
+  const auto it = oscillator(h);
+  double x[] = {1.0, 0.0};
+  it->restart(0.0, x);
+  StepReport report;
+  while (!(report = it->step(10.0, x)).event) {
+  }
+  EXPECT_EQ(report.order, 2);
+  const double lost = report.t * h * h / 6.0, told = it->statistics().error_sum * allowed;
+  EXPECT_GT(told, 0.3 * lost);  // half of it, where the rate hangs on the state alone
+  EXPECT_LT(told, 3.0 * lost);
+}
+
 TEST(ExtendingTheEngine, TheFieldObeysTheLaws) {
   for (const std::string& v : field_law_violations(turning_dipole_family())) ADD_FAILURE() << v;
 }

@@ -583,12 +583,30 @@ TEST_F(Physics, AFixedStepThatIsTooLongForASpringIsToldBeforeTheRunWithOneThatWo
   EXPECT_TRUE(has(checked.out, "1 warning") && has(checked.err, "W0401") && has(checked.err, told) && has(checked.err, "0.028 s at most"))
       << checked.out << checked.err;
   EXPECT_GT(largest(), 0.1);
+  // Of 110 rad/s 0.02571 s: with 0.026 s, as near, it would be unstable still.
+  EXPECT_TRUE(has(run({"check", ".", "--set", "bodies.slide.hinge.spring.stiffness=12100"}).err, "a step of 0.025 s at most"));
   with_step("0.5", 100);
   EXPECT_FALSE(has(check().err, "W0401")) << "rows each 0.01 s cut the steps";
   EXPECT_LE(largest(), 0.01 * (1 + 1e-9));
   with_step("0.028");
   EXPECT_FALSE(has(check().err, "W0401"));
   EXPECT_LE(largest(), 0.01);
+}
+
+// The same slide: the iteration of a variational step is given 60 attempts, which suffice up to 1.5 of step times frequency.
+TEST_F(Physics, AVariationalStepThatIsTooLongToBeSolvedIsToldBeforeTheRun) {
+  const auto told_and_exit = [&](const char* method, const char* step) {
+    write(
+        "cardan: 1\nbodies:\n  slide:\n    mass: 1\n    inertia: [1, 1, 1]\n    hinge: {type: prismatic, axis: [1, 0, 0], to: world, "
+        "initial: {displacement: 0.01}, spring: {stiffness: 1e4}}\n",
+        std::string("vehicle \"v.yaml\"\nmission { duration = 3, integrator = { method = \"") + method + "\", step = " + step +
+            " }, output = { rate = 1 } }\n");
+    return std::pair(has(check().err, "W0401"), run({"run", ".", "--out", "o", "--quiet"}).exit_code);
+  };
+  for (const auto& [method, good, bad] : {std::tuple{"variational", "0.0149", "0.0155"}, std::tuple{"variational4", "0.0219", "0.0235"}}) {
+    EXPECT_EQ(told_and_exit(method, good), std::pair(false, 0)) << method;
+    EXPECT_EQ(told_and_exit(method, bad), std::pair(true, 3)) << method;
+  }
 }
 
 TEST_F(Physics, ResultsThatFillADiskAreToldOf) {
