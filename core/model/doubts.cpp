@@ -24,6 +24,8 @@ class Doubts {
         place(*inboard, body.hinge.inboard_node, body.hinge.onode_position, body, ".hinge.to");
     }
     dates();
+    if (spec_.loops.empty() && (spec_.loop_form == LoopForm::multipliers || spec_.loop_form == LoopForm::embedding))
+      found_.add(Code::no_effect, spec_.locate("loop_form"), "there are no loops to close");
     return std::move(found_);
   }
 

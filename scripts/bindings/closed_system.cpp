@@ -117,19 +117,19 @@ int closed_text(lua_State* L) {
   return 1;
 }
 
-const std::vector<luaL_Reg> kClosedMethods = {{"mobility", placed<closed_mobility>},
-                                              {"independent", placed<closed_independent>},
-                                              {"motions", placed<closed_motions>},
-                                              {"respond", placed<closed_respond>},
-                                              {"task", placed<closed_task>},
-                                              {"inverse_dynamics", placed<closed_inverse_dynamics>},
-                                              {"log_det", placed<closed_log_det>},
-                                              {"log_det_gradient", placed<closed_log_det_gradient>},
-                                              {"nu", placed<closed_nu>},
-                                              {"velocity", placed<closed_velocity>},
-                                              {"eps", placed<closed_eps>},
-                                              {"coriolis", placed<closed_coriolis>},
-                                              {"open_tree", placed<closed_open_tree>}};
+const std::vector<luaL_Reg> kClosedMethods = {{"mobility", placed<closed_mobility, 0>},
+                                              {"independent", placed<closed_independent, 0>},
+                                              {"motions", placed<closed_motions, 0>},
+                                              {"respond", placed<closed_respond, 1>},
+                                              {"task", placed<closed_task, 1>},
+                                              {"inverse_dynamics", placed<closed_inverse_dynamics, 2>},
+                                              {"log_det", placed<closed_log_det, 0>},
+                                              {"log_det_gradient", placed<closed_log_det_gradient, 0>},
+                                              {"nu", placed<closed_nu, 1>},
+                                              {"velocity", placed<closed_velocity, 1>},
+                                              {"eps", placed<closed_eps, 1>},
+                                              {"coriolis", placed<closed_coriolis, 1>},
+                                              {"open_tree", placed<closed_open_tree, 0>}};
 
 }  // namespace
 

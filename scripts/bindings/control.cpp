@@ -182,10 +182,14 @@ int response(lua_State* L) {
 }  // namespace
 
 void bind_control(Scenario& s) {
-  constexpr std::pair<const char*, lua_CFunction> kFunctions[] = {
-      {"lqr", lqr},        {"dlqr", dlqr},        {"kalman", kalman}, {"dkalman", dkalman}, {"discretise", discretise},
-      {"poles", poles_of}, {"response", response}};
-  for (const auto& [name, function] : kFunctions) s.lua.bind(std::string("control.") + name, function);
+  constexpr struct {
+    const char* name;
+    lua_CFunction function;
+    int arguments;
+  } kFunctions[] = {
+      {"lqr", lqr, 4},        {"dlqr", dlqr, 4},        {"kalman", kalman, 4}, {"dkalman", dkalman, 4}, {"discretise", discretise, 4},
+      {"poles", poles_of, 2}, {"response", response, 6}};
+  for (const auto& [name, function, arguments] : kFunctions) s.lua.bind(std::string("control.") + name, limited(arguments, function));
 }
 
 }  // namespace cardan

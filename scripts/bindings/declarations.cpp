@@ -241,8 +241,8 @@ int stop(lua_State* L, Scenario& s) {
 }  // namespace
 
 void bind_declarations(Scenario& s) {
-  const auto bind = [&s](const char* name, int (*f)(lua_State*, Scenario&)) {
-    s.lua.bind(name, [&s, f](lua_State* L) { return f(L, s); });
+  const auto bind = [&s](const char* name, int (*f)(lua_State*, Scenario&), int arguments = 1) {
+    s.lua.bind(name, limited(arguments, [&s, f](lua_State* L) { return f(L, s); }));
   };
   bind("controller", controller);
   bind("phase", phase);
@@ -251,7 +251,7 @@ void bind_declarations(Scenario& s) {
   bind("figure", figure);
   bind("signals", signals);
   bind("persist", persist);
-  bind("stop", stop);
+  bind("stop", stop, 0);
 }
 
 }  // namespace cardan

@@ -68,12 +68,12 @@ int diagonalised_text(lua_State* L) {
 }
 
 const std::vector<luaL_Reg> kDiagonalisedMethods = {
-    {"nu", placed<nu_of>}, {"velocity", placed<velocity_of>}, {"eps", placed<eps_of>}, {"coriolis", placed<coriolis_of>}};
+    {"nu", placed<nu_of, 1>}, {"velocity", placed<velocity_of, 1>}, {"eps", placed<eps_of, 1>}, {"coriolis", placed<coriolis_of, 1>}};
 
 }  // namespace
 
 const std::vector<luaL_Reg>& diagonalised_methods() {
-  static const std::vector<luaL_Reg> all = {{"log_det_gradient", placed<log_det_gradient>}, {"diagonalised", placed<diagonalised>}};
+  static const std::vector<luaL_Reg> all = {{"log_det_gradient", placed<log_det_gradient, 0>}, {"diagonalised", placed<diagonalised, 1>}};
   return all;
 }
 

@@ -222,16 +222,17 @@ int enter(lua_State* L, Scenario& s) {
 
 /// `mission { ... }` declares; `mission.phase()`, `mission.phase_time()` and `mission.time()` ask; `mission.enter` changes the phase.
 void bind_mission(Scenario& s) {
-  s.lua.bind("mission.phase", [&s](lua_State* L) {
+  const auto bind = [&s](const char* name, int arguments, auto function) { s.lua.bind(name, limited(arguments, function)); };
+  bind("mission.phase", 0, [&s](lua_State* L) {
     lua_pushlstring(L, s.phase.data(), s.phase.size());
     return 1;
   });
-  s.lua.bind("mission.phase_time", [&s](lua_State* L) {
+  bind("mission.phase_time", 0, [&s](lua_State* L) {
     lua_pushnumber(L, s.phase.empty() ? 0.0 : s.time() - s.phase_begun);
     return 1;
   });
-  s.lua.bind("mission.enter", [&s](lua_State* L) { return enter(L, s); });
-  s.lua.bind("mission.time", [&s](lua_State* L) {
+  bind("mission.enter", 1, [&s](lua_State* L) { return enter(L, s); });
+  bind("mission.time", 0, [&s](lua_State* L) {
     lua_pushnumber(L, s.time());
     return 1;
   });

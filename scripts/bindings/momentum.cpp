@@ -63,11 +63,11 @@ int reflected_inertia(lua_State* L) {
 }  // namespace
 
 const std::vector<luaL_Reg>& momentum_methods() {
-  static const std::vector<luaL_Reg> all = {{"mass_properties", placed<mass_properties>},
-                                            {"momentum", placed<momentum>},
-                                            {"momentum_matrix", placed<momentum_matrix>},
-                                            {"momentum_sharing", placed<momentum_sharing>},
-                                            {"reflected_inertia", placed<reflected_inertia>}};
+  static const std::vector<luaL_Reg> all = {{"mass_properties", placed<mass_properties, 0>},
+                                            {"momentum", placed<momentum, 2>},
+                                            {"momentum_matrix", placed<momentum_matrix, 1>},
+                                            {"momentum_sharing", placed<momentum_sharing, 1>},
+                                            {"reflected_inertia", placed<reflected_inertia, 0>}};
   return all;
 }
 

@@ -150,9 +150,9 @@ int operator_text(lua_State* L) {
   return 1;
 }
 
-const std::vector<luaL_Reg> kOperatorMethods = {{"star", placed<star>}, {"inv", placed<inv>},     {"dense", placed<dense>},
-                                                {"norm", placed<norm>}, {"eig", placed<eig>},     {"rows", placed<rows>},
-                                                {"cols", placed<cols>}, {"text", placed<formula>}};
+const std::vector<luaL_Reg> kOperatorMethods = {{"star", placed<star, 0>}, {"inv", placed<inv, 0>},     {"dense", placed<dense, 0>},
+                                                {"norm", placed<norm, 0>}, {"eig", placed<eig, 1>},     {"rows", placed<rows, 0>},
+                                                {"cols", placed<cols, 0>}, {"text", placed<formula, 0>}};
 
 }  // namespace
 

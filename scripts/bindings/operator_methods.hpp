@@ -99,6 +99,11 @@ template <lua_CFunction kFunction>
 int placed(lua_State* L) {
   return LuaHost::guarded(L, [](lua_State* l) { return at_script_line(l, kFunction); });
 }
+/// The same of one that takes at most so many arguments.
+template <lua_CFunction kFunction, int kArguments>
+int placed(lua_State* L) {
+  return placed<limited<kFunction, kArguments>>(L);
+}
 
 /// The tree of argument 1, refused where it is one of compound bodies; with Y, which is made when it is first needed.
 const std::shared_ptr<TreeOperators>& shared_tree_of(lua_State* L);

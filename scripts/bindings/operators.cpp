@@ -209,22 +209,22 @@ int study_of_operators(lua_State* L) {
   return kStudy(L, tree_of(L), *to_operators(L).at);
 }
 
-const std::vector<luaL_Reg> kOperatorsMethods = {{"subtree", placed<subtree>},
-                                                 {"path", placed<path>},
-                                                 {"subgraph", placed<subgraph>},
+const std::vector<luaL_Reg> kOperatorsMethods = {{"subtree", placed<subtree, 1>},
+                                                 {"path", placed<path, 2>},
+                                                 {"subgraph", placed<subgraph, 1>},
                                                  {"nodes", placed<nodes>},
-                                                 {"along", placed<along>},
-                                                 {"articulate", placed<articulate>},
-                                                 {"operational_space", placed<operational_space>},
-                                                 {"log_det", placed<log_det>},
-                                                 {"compounds", placed<compounds>},
-                                                 {"size", placed<size>},
-                                                 {"names", placed<names>},
-                                                 {"linearize", placed<study_of_operators<linear_model>>},
-                                                 {"derivatives", placed<study_of_operators<derivatives_study>>},
-                                                 {"system_modes", placed<study_of_operators<system_modes_study>>},
-                                                 {"inverse_kinematics", placed<study_of_operators<inverse_kinematics_study>>},
-                                                 {"interbody_forces", placed<study_of_operators<interbody_forces_study>>}};
+                                                 {"along", placed<along, 1>},
+                                                 {"articulate", placed<articulate, 1>},
+                                                 {"operational_space", placed<operational_space, 0>},
+                                                 {"log_det", placed<log_det, 0>},
+                                                 {"compounds", placed<compounds, 0>},
+                                                 {"size", placed<size, 1>},
+                                                 {"names", placed<names, 1>},
+                                                 {"linearize", placed<study_of_operators<linear_model>, 1>},
+                                                 {"derivatives", placed<study_of_operators<derivatives_study>, 1>},
+                                                 {"system_modes", placed<study_of_operators<system_modes_study>, 1>},
+                                                 {"inverse_kinematics", placed<study_of_operators<inverse_kinematics_study>, 1>},
+                                                 {"interbody_forces", placed<study_of_operators<interbody_forces_study>, 1>}};
 
 }  // namespace
 

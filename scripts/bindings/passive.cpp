@@ -98,17 +98,17 @@ int passive_text(lua_State* L) {
   return 1;
 }
 
-const std::vector<luaL_Reg> kPassiveMethods = {{"velocities", placed<passive_velocities>},
+const std::vector<luaL_Reg> kPassiveMethods = {{"velocities", placed<passive_velocities, 2>},
                                                {"jacobian", placed<passive_jacobian>},
-                                               {"forces", placed<passive_forces>},
-                                               {"mass", placed<passive_mass>},
-                                               {"coupling", placed<passive_coupling>}};
+                                               {"forces", placed<passive_forces, 1>},
+                                               {"mass", placed<passive_mass, 1>},
+                                               {"coupling", placed<passive_coupling, 0>}};
 
 }  // namespace
 
 const std::vector<luaL_Reg>& passive_methods() {
   static const std::vector<luaL_Reg> all = {
-      {"bias", placed<bias>}, {"hybrid", placed<hybrid>}, {"passive", placed<passive>}, {"floating_base", placed<floating_base>}};
+      {"bias", placed<bias, 1>}, {"hybrid", placed<hybrid, 1>}, {"passive", placed<passive>}, {"floating_base", placed<floating_base, 0>}};
   return all;
 }
 

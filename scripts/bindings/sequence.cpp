@@ -153,13 +153,12 @@ const std::vector<luaL_Reg>& sequence_methods() {
 void bind_sequences(Scenario& s) {
   s.sequences.know_handles(is_handle);
   s.lua.bind("sequence", [&s](lua_State* L) { return sequence(L, s); });
-  const auto bind = [&s](const char* name, int (*f)(lua_State*, Scenario&)) {
-    s.lua.bind(
-        name, [&s, f](lua_State* L) { return f(L, s); }, false);  // what they answer is in the journal
+  const auto bind = [&s](const char* name, int (*f)(lua_State*, Scenario&), int arguments) {
+    s.lua.bind(name, limited(arguments, [&s, f](lua_State* L) { return f(L, s); }), false);  // what they answer is in the journal
   };
-  bind("wait", wait);
-  bind("at", at);
-  bind("wait_until", wait_until);
+  bind("wait", wait, 1);
+  bind("at", at, 1);
+  bind("wait_until", wait_until, 2);
 }
 
 }  // namespace cardan

@@ -186,20 +186,20 @@ int text(lua_State* L) {
   return 1;
 }
 
-const std::vector<luaL_Reg> kMethods = {{"t", method<t>},
-                                        {"q", method<q>},
-                                        {"v", method<v>},
-                                        {"vdot", method<vdot>},
-                                        {"operators", method<study_of_scene<push_operators>>},
-                                        {"linearize", method<study_of_scene<push_linear_model>>},
-                                        {"system_modes", method<study_of_scene<push_modes>>},
-                                        {"derivatives", method<study_of_scene<push_derivatives>>},
-                                        {"inverse_kinematics", method<study_of_scene<push_inverse_kinematics>>},
-                                        {"equilibrium", method<study_of_scene<push_equilibrium>>},
-                                        {"closed_system", method<study_of_scene<push_closed_system>>},
-                                        {"state", method<state>},
-                                        {"vehicle", method<vehicle>},
-                                        {"run_to", method<run_to>}};
+const std::vector<luaL_Reg> kMethods = {{"t", method<t, 0>},
+                                        {"q", method<q, 0>},
+                                        {"v", method<v, 0>},
+                                        {"vdot", method<vdot, 0>},
+                                        {"operators", method<study_of_scene<push_operators>, 1>},
+                                        {"linearize", method<study_of_scene<push_linear_model>, 1>},
+                                        {"system_modes", method<study_of_scene<push_modes>, 1>},
+                                        {"derivatives", method<study_of_scene<push_derivatives>, 1>},
+                                        {"inverse_kinematics", method<study_of_scene<push_inverse_kinematics>, 1>},
+                                        {"equilibrium", method<study_of_scene<push_equilibrium>, 1>},
+                                        {"closed_system", method<study_of_scene<push_closed_system>, 0>},
+                                        {"state", method<state, 1>},
+                                        {"vehicle", method<vehicle, 0>},
+                                        {"run_to", method<run_to, 1>}};
 
 }  // namespace
 

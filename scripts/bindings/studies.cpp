@@ -7,6 +7,7 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include "core/base/units.hpp"
@@ -100,10 +101,8 @@ int push_system_modes(lua_State* L, const TreeOperators& tree, const OperatingSt
   if (!lua_isnoneornil(L, 2)) {
     DiagnosticSink sink;
     LuaTable table(L, 2, "system_modes", sink);
-    options.elastic = static_cast<int>(table.integer("elastic").value_or(options.elastic));
-    options.rigid = static_cast<int>(table.integer("rigid").value_or(options.rigid));
-    if (options.elastic < 0) table.reject("elastic", "a number of modes");
-    if (options.rigid < 0) table.reject("rigid", "a number of modes");
+    options.elastic = static_cast<int>(table.integer("elastic", 0).value_or(options.elastic));
+    options.rigid = static_cast<int>(table.integer("rigid", 0).value_or(options.rigid));
     table.finish();
     sink.throw_if_any();
   }
@@ -260,12 +259,11 @@ int push_inverse_kinematics(lua_State* L, const Model& m, std::uint64_t seed, co
   if (table.has("targets") && targets.empty()) table.reject("targets", "one target or more");
   operators::IkOptions options;
   options.tolerance = table.number("tolerance").value_or(options.tolerance);
-  options.iterations = static_cast<int>(table.integer("iterations").value_or(options.iterations));
-  options.starts = static_cast<int>(table.integer("starts").value_or(options.starts));
-  options.seed = static_cast<std::uint64_t>(table.integer("seed").value_or(static_cast<std::int64_t>(seed > 0 ? seed : options.seed)));
+  options.iterations = static_cast<int>(table.integer("iterations", 1).value_or(options.iterations));
+  options.starts = static_cast<int>(table.integer("starts", 1).value_or(options.starts));
+  options.seed = static_cast<std::uint64_t>(table.integer("seed", 0, std::numeric_limits<std::int64_t>::max())
+                                                .value_or(static_cast<std::int64_t>(seed > 0 ? seed : options.seed)));
   if (!(options.tolerance > 0.0)) table.reject("tolerance", "a positive number");
-  if (options.iterations < 1) table.reject("iterations", "a number of iterations");
-  if (options.starts < 1) table.reject("starts", "a number of starts");
   options.dynamic = table.flag("dynamic").value_or(false);
   for (const std::string& name : table.texts("free").value_or(std::vector<std::string>()))
     for (const int v : components_at(L, m, name, "inverse_kinematics.free")) options.free.push_back(v);
@@ -386,8 +384,7 @@ int push_equilibrium(lua_State* L, Scenario& s) {
   EquilibriumOptions options;
   for (const std::string& name : table.texts("move").value_or(std::vector<std::string>()))
     for (const int v : components_at(L, *s.model, name, "equilibrium.move")) options.move.push_back(v);
-  options.iterations = static_cast<int>(table.integer("iterations").value_or(options.iterations));
-  if (options.iterations < 1) table.reject("iterations", "a number of iterations");
+  options.iterations = static_cast<int>(table.integer("iterations", 1).value_or(options.iterations));
   options.tolerance = table.number("tolerance").value_or(options.tolerance);
   if (!(options.tolerance > 0.0)) table.reject("tolerance", "a positive number");
   table.finish();

@@ -137,21 +137,21 @@ int participation(lua_State* L) {
 }
 
 using OS = operators::OperationalSpace;
-const std::vector<luaL_Reg> kTaskMethods = {{"compliance", placed<task_compliance>},
-                                            {"inertia", placed<task_inertia>},
-                                            {"rank", placed<task_rank>},
-                                            {"condition", placed<task_condition>},
-                                            {"rows", placed<task_rows>},
-                                            {"torque", placed<task_torque>},
-                                            {"bias", placed<task_bias>},
-                                            {"force_for", placed<task_force_for>},
-                                            {"require_full_rank", placed<task_require_full_rank>},
-                                            {"rates", placed<task_map<&OS::rates, false, true, Sort::motion>>},
-                                            {"forces", placed<task_map<&OS::forces, true, false, Sort::force>>},
-                                            {"consistent_inverse", placed<task_map<&OS::consistent_inverse, true, false, Sort::motion>>},
-                                            {"task_part", placed<task_map<&OS::task_part, false, true, Sort::force>>},
-                                            {"null_motion", placed<task_map<&OS::null_motion, false, false, Sort::motion>>},
-                                            {"null_forces", placed<task_map<&OS::null_forces, false, false, Sort::force>>}};
+const std::vector<luaL_Reg> kTaskMethods = {{"compliance", placed<task_compliance, 0>},
+                                            {"inertia", placed<task_inertia, 0>},
+                                            {"rank", placed<task_rank, 0>},
+                                            {"condition", placed<task_condition, 0>},
+                                            {"rows", placed<task_rows, 0>},
+                                            {"torque", placed<task_torque, 2>},
+                                            {"bias", placed<task_bias, 1>},
+                                            {"force_for", placed<task_force_for, 2>},
+                                            {"require_full_rank", placed<task_require_full_rank, 0>},
+                                            {"rates", placed<task_map<&OS::rates, false, true, Sort::motion>, 1>},
+                                            {"forces", placed<task_map<&OS::forces, true, false, Sort::force>, 1>},
+                                            {"consistent_inverse", placed<task_map<&OS::consistent_inverse, true, false, Sort::motion>, 1>},
+                                            {"task_part", placed<task_map<&OS::task_part, false, true, Sort::force>, 1>},
+                                            {"null_motion", placed<task_map<&OS::null_motion, false, false, Sort::motion>, 1>},
+                                            {"null_forces", placed<task_map<&OS::null_forces, false, false, Sort::force>, 1>}};
 
 }  // namespace
 
@@ -201,10 +201,10 @@ int push_task(lua_State* L, std::shared_ptr<const TreeOperators> tree, std::shar
 }
 const std::vector<luaL_Reg>& task_methods() {
   static const std::vector<luaL_Reg> all = {{"compliance", placed<compliance>},
-                                            {"task", placed<task>},
-                                            {"effective_inertia", placed<effective_inertia>},
+                                            {"task", placed<task, 1>},
+                                            {"effective_inertia", placed<effective_inertia, 2>},
                                             {"manipulability", placed<manipulability>},
-                                            {"participation", placed<participation>}};
+                                            {"participation", placed<participation, 2>}};
   return all;
 }
 

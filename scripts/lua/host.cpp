@@ -580,8 +580,8 @@ int LuaHost::require(lua_State* L) {
   return 1;
 }
 
-void expect_at_most(lua_State* L, int arguments) {
-  const int given = lua_gettop(L) - 1;
+void expect_at_most(lua_State* L, int arguments, int before) {
+  const int given = lua_gettop(L) - before;
   if (given <= arguments) return;
   lua_Debug frame;
   const bool named = lua_getstack(L, 0, &frame) && lua_getinfo(L, "n", &frame) && frame.name;

@@ -192,8 +192,18 @@ class LuaHost {
 /// An error at the script line that runs now.
 [[noreturn]] void refuse(lua_State* L, Code code, std::string key_path, std::string expected, std::string got, std::string hint = {});
 
-/// More arguments than a method takes, behind what stands before its colon, are refused: none of them would be heard.
-void expect_at_most(lua_State* L, int arguments);
+/// More arguments than a method takes, behind what stands before its colon, are refused: none of them would be heard. Of a function
+/// nothing stands `before` them.
+void expect_at_most(lua_State* L, int arguments, int before = 1);
+
+/// A global function that takes at most so many arguments.
+template <class F>
+LuaHost::Binding limited(int arguments, F function) {
+  return [=](lua_State* L) {
+    expect_at_most(L, arguments, 0);
+    return function(L);
+  };
+}
 
 /// LuaHost::guarded as a method of userdata that is the script's own, vectors and matrices.
 template <lua_CFunction kFunction>

@@ -104,15 +104,15 @@ std::optional<double> LuaTable::first() {
   return x;
 }
 
-std::optional<std::int64_t> LuaTable::integer(const std::string& key) {
+std::optional<std::int64_t> LuaTable::integer(const std::string& key, std::int64_t least, std::int64_t most) {
   std::optional<std::int64_t> n;
   const int type = get(key);
   int is_integer = 0;
   const lua_Integer value = lua_tointegerx(L_, -1, &is_integer);
-  if (type == LUA_TNUMBER && is_integer)
+  if (type == LUA_TNUMBER && is_integer && value >= least && value <= most)
     n = value;
   else if (type != LUA_TNIL)
-    report(path_of(key), "an integer", describe_value(L_, -1));
+    report(path_of(key), fmt::format("an integer from {} to {}", least, most), describe_value(L_, -1));
   lua_pop(L_, 1);
   return n;
 }

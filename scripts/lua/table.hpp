@@ -4,6 +4,7 @@
 // reading.
 #include <cstdint>
 #include <initializer_list>
+#include <limits>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -27,7 +28,8 @@ class LuaTable {
   std::optional<std::vector<double>> numbers(const std::string& key, std::size_t n, std::string_view unit = "1");
   /// The first entry, before keys that have names: {x, tolerance = ...}.
   std::optional<double> first();
-  std::optional<std::int64_t> integer(const std::string& key);
+  /// From `least` to `most`.
+  std::optional<std::int64_t> integer(const std::string& key, std::int64_t least, std::int64_t most = std::numeric_limits<int>::max());
   std::optional<std::string> text(const std::string& key);
   std::optional<std::vector<std::string>> texts(const std::string& key);
   /// One of the given words.

@@ -42,7 +42,7 @@ TEST(LuaTable, ReadsValuesOfAllTypes) {
                         EXPECT_EQ(t.number("until_", "s"), 90.0);
                         EXPECT_EQ(t.number("step", "s"), 0.5);
                         EXPECT_NEAR(t.number("angle", "rad").value(), 1.5707963267948966, 1e-15);  // round-off of one product
-                        EXPECT_EQ(t.integer("n"), 3);
+                        EXPECT_EQ(t.integer("n", 3), 3);
                         EXPECT_EQ(t.text("name"), "slew");
                         EXPECT_EQ(t.choice("method", {"rk4", "cvode"}), "rk4");
                         EXPECT_EQ(t.flag("quiet"), true);
@@ -101,11 +101,12 @@ TEST(LuaTable, ReportsUnknownKeysWithAGuess) {
 TEST(LuaTable, CollectsAllFaults) {
   const std::string faults = faults_of(
       "run{a = 0 / 0, b = true, c = 1.5, d = 7, e = 'rk5', f = 'yes', g = {1, 2}, h = {1, 'x', 3}, i = 3, j = 3, k = "
-      "{1, {}}, l = '3 kg'}",
+      "{1, {}}, l = '3 kg', n = 4294967297}",
       [](LuaTable& t) {
         t.number("a");
         t.number("b", "m");
-        t.integer("c");
+        t.integer("c", 1);
+        t.integer("n", 0);
         t.text("d");
         t.choice("e", {"rk4", "cvode"});
         t.flag("f");
@@ -120,7 +121,9 @@ TEST(LuaTable, CollectsAllFaults) {
   for (const char* expected :
        {"at: run.a\n  expected: a finite number\n  got:      nan (number)",
         "at: run.b\n  expected: a number in m, or a text with a unit\n  got:      true (boolean)",
-        "at: run.c\n  expected: an integer\n  got:      1.5 (number)", "at: run.d\n  expected: a string\n  got:      7 (number)",
+        "at: run.c\n  expected: an integer from 1 to 2147483647\n  got:      1.5 (number)",
+        "at: run.n\n  expected: an integer from 0 to 2147483647\n  got:      4294967297 (number)",
+        "at: run.d\n  expected: a string\n  got:      7 (number)",
         "at: run.e\n  expected: one of: rk4, cvode\n  got:      \"rk5\" (string)\n  hint:     did you mean \"rk4\"?",
         "at: run.f\n  expected: true or false\n  got:      \"yes\" (string)",
         "at: run.g\n  expected: an array of 3 numbers\n  got:      2 entries", "at: run.h[2]\n",

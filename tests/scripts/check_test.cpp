@@ -261,6 +261,8 @@ TEST_F(Physics, UnusualValuesAreToldWithTheirConsequence) {
   write(
       boom("cantilever", 4, "{type: revolute, to: hub.mount, axis: [0, 0, 1], locked: true, spring: {stiffness: 5}, initial: {rate: 1}}"));
   EXPECT_EQ(codes(), "W0303 W0303 ") << "the spring, and the rate";
+  write(boom("cantilever", 4, "{type: revolute, to: hub.mount, at: root, axis: [0, 0, 1]}") + "loop_form: embedding\n");
+  EXPECT_EQ(codes(), "W0303 ") << "no loops";
   write(boom("cantilever", 4, "{type: revolute, to: hub.mount, at: root, axis: [0, 0, 1], spring: {stiffness: -5}}"));
   EXPECT_EQ(codes(), "W0302 ");
 }
