@@ -20,6 +20,8 @@
 #include "core/sim/vehicle_implicit_form.hpp"
 #include "core/sim/vehicle_linear_part.hpp"
 #include "core/sim/vehicle_momentum_form.hpp"
+#include "core/soa/field_at.hpp"
+#include "core/spatial/eigen_bridge.hpp"
 
 namespace cardan {
 namespace {
@@ -137,16 +139,16 @@ void choose_method_of(Scenario& s) {
   s.sim->set_options(s.mission.simulation);
 }
 
-/// A body, with all that is fixed to it, in a central field.
+/// A body that is pulled, with all that is fixed to it.
 struct Pulled {
   const BodySpec* spec;
   bool several;
-  double distance, gyration;  // [m] from the centre to its mass centre, radius about that
+  Eigen::Vector3d place;  // [m] of its mass centre, world axes
+  double gyration;        // [m] radius about that
 };
-std::vector<Pulled> pulled_by_centre(const std::shared_ptr<const Model>& model, const double* q) {
+std::vector<Pulled> pulled_bodies(const std::shared_ptr<const Model>& model, const double* q) {
   std::vector<Pulled> found;
   const Model& m = *model;
-  if (m.gravity.kind != GravitySpec::Kind::central) return found;
   operators::TreeOperators tree(open_tree(model));  // poses and masses are those of the closed one
   tree.at(q);
   const operators::Placements placed(tree);
@@ -159,25 +161,31 @@ std::vector<Pulled> pulled_by_centre(const std::shared_ptr<const Model>& model, 
     const operators::Placement &frame = placed.bodies[i], &reference = placed.reference;
     found.push_back({&m.spec->bodies[static_cast<std::size_t>(user)],
                      std::ranges::any_of(m.user, [&](const UserBody& u) { return u.merged && u.sweep == sweep; }),
-                     (reference.p + reference.R * (frame.p + frame.R * com) - m.gravity.centre).norm(),
+                     reference.p + reference.R * (frame.p + frame.R * com),
                      std::sqrt(std::max(0.0, 0.5 * M.topLeftCorner<3, 3>().trace() / mass - com.squaredNorm()))});
   }
   return found;
 }
 
 /// The pull is to second order in size over distance (docs/mathematics/gravity.md, 2): all that mass and inertia tell of one body, and not
-/// of several that are fixed to each other.
+/// of several that are fixed to each other. The third difference of gravity over its size, along itself: (size / distance)^3 of the weight
+/// about one centre.
 void look_at_long_bodies(Scenario& s) {
-  if (!s.model->gravity.gradient) return;
-  for (const Pulled& b : pulled_by_centre(s.model, s.sim->state().q.data())) {
-    const double rest = std::pow(b.gyration / b.distance, 3);
-    if (!b.several || rest < kLeftOfPull) continue;
-    s.warnings.add(
-        Code::beyond_the_model, s.model->spec->locate(body_path(*b.spec)),
-        fmt::format("{}, with what is locked to it, has a radius of gyration of {:.3g} m, {:.3g} m from the centre of gravity: its pull "
-                    "is to second order in that, which leaves out some {:.1g} of the weight",
-                    b.spec->name, b.gyration, b.distance, rest),
-        "bodies on hinges that move, `prescribed` ones too, are pulled each where it is");
+  const GravityField& gravity = s.model->field;
+  if (!gravity.pulls() || !gravity.gradient) return;
+  const FieldMoment* moment = s.sim->gravity_moment();
+  for (const Pulled& b : pulled_bodies(s.model, s.sim->state().q.data())) {
+    if (!b.several) continue;
+    const auto at = [&](const Eigen::Vector3d& x) { return to_eigen(soa::field_at<double>(gravity, {x[0], x[1], x[2]}, moment)); };
+    const Eigen::Vector3d weight = at(b.place), step = 0.5 * b.gyration * weight.normalized();
+    const Eigen::Vector3d third = at(b.place + 3.0 * step) - at(b.place - 3.0 * step) - 3.0 * (at(b.place + step) - at(b.place - step));
+    const double rest = third.norm() / (24.0 * weight.norm());
+    if (!(rest >= kLeftOfPull)) continue;
+    s.warnings.add(Code::beyond_the_model, s.model->spec->locate(body_path(*b.spec)),
+                   fmt::format("{}, with what is locked to it, has a radius of gyration of {:.3g} m: its pull is to second order in that, "
+                               "which leaves out some {:.1g} of the weight",
+                               b.spec->name, b.gyration, rest),
+                   "bodies on hinges that move, `prescribed` ones too, are pulled each where it is");
   }
 }
 
@@ -199,13 +207,15 @@ void look_at_sizes(Scenario& s) {
 }  // namespace
 
 void expect_away_from_centre(const std::shared_ptr<const Model>& model, const double* q) {
-  for (const Pulled& b : pulled_by_centre(model, q)) {
-    if (b.distance > b.gyration) continue;
+  if (model->gravity.kind != GravitySpec::Kind::central) return;
+  for (const Pulled& b : pulled_bodies(model, q)) {
+    const double distance = (b.place - model->gravity.centre).norm();
+    if (distance > b.gyration) continue;
     refuse(Code::bad_initial_state, model->spec->locate(body_path(*b.spec) + ".hinge.initial"),
            "mass centres away from the centre of the field",
            fmt::format("body {} is at the centre of gravity.central: its mass centre is {:.3g} m from it, its radius of gyration "
                        "{:.3g} m",
-                       b.spec->name, b.distance, b.gyration),
+                       b.spec->name, distance, b.gyration),
            "give its orbit: initial: {position: [7000 km, 0, 0], velocity: [0, 7.5 km/s, 0]}, or `initial` in the mission, before what "
            "asks for its motion");
   }
