@@ -222,6 +222,10 @@ int limited(lua_State* L) {
   return kFunction(L);
 }
 template <lua_CFunction kFunction, int kArguments>
+int own_method(lua_State* L) {
+  return own_method<limited<kFunction, kArguments>>(L);
+}
+template <lua_CFunction kFunction, int kArguments>
 int method(lua_State* L) {
   return method<limited<kFunction, kArguments>>(L);
 }

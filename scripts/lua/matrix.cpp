@@ -470,12 +470,14 @@ Labels labels_at(lua_State* L, int index, Index n, const std::string& what) {
 
 /// vector({1, 2, 3} [, labels])
 int make_vector(lua_State* L) {
+  expect_at_most(L, 2, 0);
   const Eigen::VectorXd x = to_vector(L, 1, kAnySize, "vector");
   push_vector(L, x, labels_at(L, 2, x.size(), "labels of the vector"));
   return 1;
 }
 /// matrix({{1, 2}, {3, 4}} [, labels of the rows [, labels of the columns]])
 int make_matrix(lua_State* L) {
+  expect_at_most(L, 3, 0);
   const Eigen::MatrixXd A = to_matrix(L, 1, kAnySize, kAnySize, "matrix");
   push_matrix(L, A, labels_at(L, 2, A.rows(), "labels of the rows"), labels_at(L, 3, A.cols(), "labels of the columns"));
   return 1;
@@ -636,16 +638,16 @@ int collected(lua_State* L) {
   return 0;
 }
 
-constexpr luaL_Reg kBoth[] = {{"t", own_method<transpose>},     {"norm", own_method<norm>},
-                              {"max_abs", own_method<max_abs>}, {"rows", own_method<rows>},
-                              {"cols", own_method<cols>},       {"table", own_method<table>},
-                              {"labels", own_method<labels>},   {"csv", own_method<csv>},
-                              {"hdf5", own_method<hdf5>},       {nullptr, nullptr}};
-constexpr luaL_Reg kOfVectors[] = {{"dot", own_method<dot>}, {nullptr, nullptr}};
-constexpr luaL_Reg kOfMatrices[] = {{"set", own_method<set>},
-                                    {"column", own_method<column>},
-                                    {"solve", own_method<solve>},
-                                    {"eigenvalues", own_method<eigenvalues>},
+constexpr luaL_Reg kBoth[] = {{"t", own_method<transpose, 0>},     {"norm", own_method<norm, 0>},
+                              {"max_abs", own_method<max_abs, 0>}, {"rows", own_method<rows, 0>},
+                              {"cols", own_method<cols, 0>},       {"table", own_method<table, 0>},
+                              {"labels", own_method<labels, 0>},   {"csv", own_method<csv, 1>},
+                              {"hdf5", own_method<hdf5, 2>},       {nullptr, nullptr}};
+constexpr luaL_Reg kOfVectors[] = {{"dot", own_method<dot, 1>}, {nullptr, nullptr}};
+constexpr luaL_Reg kOfMatrices[] = {{"set", own_method<set, 3>},
+                                    {"column", own_method<column, 1>},
+                                    {"solve", own_method<solve, 1>},
+                                    {"eigenvalues", own_method<eigenvalues, 0>},
                                     {nullptr, nullptr}};
 constexpr luaL_Reg kOperators[] = {{"__add", own_method<add>},
                                    {"__sub", own_method<subtract>},
@@ -654,7 +656,7 @@ constexpr luaL_Reg kOperators[] = {{"__add", own_method<add>},
                                    {"__unm", own_method<negate>},
                                    {"__eq", own_method<is_equal>},
                                    {"__len", own_method<rows>},
-                                   {"__call", own_method<call>},
+                                   {"__call", own_method<call, 2>},
                                    {"__newindex", own_method<set_index>},
                                    {"__tostring", own_method<to_text>},
                                    {"__gc", collected},

@@ -298,5 +298,13 @@ TEST(LuaMatrix, WritesNothingOutsideOfItsFolder) {
   fs::remove_all(folder);
 }
 
+TEST(LuaMatrix, ArgumentsThatNobodyHearsAreRefused) {
+  Bench b;
+  EXPECT_EQ(b.fault("print(vector{3, -4}:norm(1))"), "norm | 0 arguments at most | 1") << "the 2-norm is all there is";
+  EXPECT_EQ(b.fault("print(matrix{{1, 2}, {3, 4}}(1, 2, 3))").substr(0, 4), "a me") << "an entry has no name";
+  EXPECT_EQ(b.fault("print(matrix{{2, 0}, {0, 2}}:solve({1, 1}, {1, 1}))"), "solve | 1 argument at most | 2");
+  EXPECT_EQ(b.fault("vector({1}, {}, 2)"), "vector | 2 arguments at most | 3");
+}
+
 }  // namespace
 }  // namespace cardan
