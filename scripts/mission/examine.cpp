@@ -339,8 +339,9 @@ std::vector<std::string> kept_elsewhere_at_start(Scenario& s) {
     call(s.phases[0].enter, s.phases[0].name);
   }
   try_sequences(s);
-  for (const Controller& c : s.controllers) call(c.step, c.name);
-  s.wanted_phase.reset();  // nothing began
+  for (const Controller& c : s.controllers) s.sim->every(c.period, [&] { call(c.step, c.name); });
+  if (!s.controllers.empty()) s.sim->run(t);  // the first instant: what sensors read is there
+  s.wanted_phase.reset();                     // nothing began
   return s.persistent.elsewhere();
 }
 

@@ -28,7 +28,7 @@ void try_start(Scenario&);
 /// After it: sequences go as far as their first waits. Their commands are left behind: no run follows.
 void try_sequences(Scenario&);
 /// After try_start(): what the script keeps outside of persist{} once its first phase has begun, sequences wait and each controller has
-/// ticked, at the start. Their commands are left behind: no run follows.
+/// ticked, in the first instant of a run. Their commands are left behind: no run follows.
 std::vector<std::string> kept_elsewhere_at_start(Scenario& s);
 
 }  // namespace cardan

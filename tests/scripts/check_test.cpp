@@ -619,6 +619,22 @@ TEST_F(Physics, AVariationalStepThatIsTooLongToBeSolvedIsToldBeforeTheRun) {
   }
 }
 
+// Ports have a fault from the start on, sensors have ticked, what takes a signal has not.
+TEST_F(Physics, TheFirstTickOfAControllerIsThatOfARun) {
+  write(
+      "cardan: 1\nbodies:\n  p: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world, initial: {angular_velocity: [0, 0, 0.1]}}}\n"
+      "devices:\n  gyro: {type: imu, at: p, rate: 10 Hz}\n  law: {type: lua/law, rate: 10 Hz, inputs: {spin: gyro.rate_z}}\n",
+      "device { type = 'lua/law', inputs = { spin = 'rad/s' }, outputs = { torque = 'N m' }, tick = function(a) return { torque = -3 * "
+      "a.spin } end }\n"
+      "local sat = vehicle 'v.yaml'\nmission { duration = 1 }\nlocal gyro, law = sat:device 'gyro', sat:device 'law'\n"
+      "gyro:fault { port = 'rate_z', scale = 2 }\n"
+      "controller { name = 'c', rate = '10 Hz', step = function(t)\n"
+      "  if t == 0 then assert(gyro:get 'rate_z' == 0.2) assert(law:get 'torque' == 0) end\nend }\n");
+  EXPECT_EQ(run({"run", ".", "--out", "o", "--quiet"}).exit_code, 0);
+  const Finished f = check();
+  EXPECT_EQ(f.exit_code, 0) << f.err;
+}
+
 TEST_F(Physics, ResultsThatFillADiskAreToldOf) {
   write("cardan: 1\nbodies:\n  p: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}\n",
         "vehicle \"v.yaml\"\nmission { duration = 1e6, output = { rate = 1000 } }\n");

@@ -1,17 +1,30 @@
 --- Vectors as arrays of three numbers. Every function returns a new array.
 local vec = {}
 
+-- Of a quaternion three of its four numbers would be taken.
+local function expect_three(who, a)
+  if #a ~= 3 then error("vec." .. who .. ": expected three numbers, got " .. #a, 3) end
+end
+
 --- a + b.
 ---@param a number[]
 ---@param b number[]
 ---@return number[] sum
-function vec.add(a, b) return { a[1] + b[1], a[2] + b[2], a[3] + b[3] } end
+function vec.add(a, b)
+  expect_three("add", a)
+  expect_three("add", b)
+  return { a[1] + b[1], a[2] + b[2], a[3] + b[3] }
+end
 
 --- a - b.
 ---@param a number[]
 ---@param b number[]
 ---@return number[] difference
-function vec.sub(a, b) return { a[1] - b[1], a[2] - b[2], a[3] - b[3] } end
+function vec.sub(a, b)
+  expect_three("sub", a)
+  expect_three("sub", b)
+  return { a[1] - b[1], a[2] - b[2], a[3] - b[3] }
+end
 
 --- s a; the two may come in either order.
 ---@param s number
@@ -22,26 +35,36 @@ function vec.scale(s, a)
   if type(s) ~= "number" or type(a) == "number" or not a then
     error("vec.scale: expected a number and an array of three numbers, got " .. type(s) .. " and " .. type(a), 2)
   end
+  expect_three("scale", a)
   return { s * a[1], s * a[2], s * a[3] }
 end
 
 ---@param a number[]
 ---@param b number[]
 ---@return number product
-function vec.dot(a, b) return a[1] * b[1] + a[2] * b[2] + a[3] * b[3] end
+function vec.dot(a, b)
+  expect_three("dot", a)
+  expect_three("dot", b)
+  return a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+end
 
 --- a x b.
 ---@param a number[]
 ---@param b number[]
 ---@return number[] product
 function vec.cross(a, b)
+  expect_three("cross", a)
+  expect_three("cross", b)
   return { a[2] * b[3] - a[3] * b[2], a[3] * b[1] - a[1] * b[3], a[1] * b[2] - a[2] * b[1] }
 end
 
 --- Its length.
 ---@param a number[]
 ---@return number length
-function vec.norm(a) return math.sqrt(vec.dot(a, a)) end
+function vec.norm(a)
+  expect_three("norm", a)
+  return math.sqrt(a[1] * a[1] + a[2] * a[2] + a[3] * a[3])
+end
 
 --- The vector of length one along a.
 ---@param a number[]
