@@ -290,6 +290,10 @@ ModalData solve(const FeModel& model, const ModalSource& source, const Warnings&
   if (warnings && source.boundary == Boundary::cantilever) ModeDoubts(model, source, *warnings).truncation(modes, data.audit);
   if (!interface.empty()) {
     const auto count = std::count_if(data.audit.begin(), data.audit.end(), [](const ModeRecord& r) { return r.kept; });
+    if (const auto all = count + unit.cols(); all > kMostModesOfBody)
+      refuse(source.at, "modes", Code::out_of_range,
+             fmt::format("at most {} modes, six of each point with `interface` among them", kMostModesOfBody),
+             fmt::format("{}: {} with interfaces held, {} of interfaces", all, count, unit.cols()));
     modes = craig_bampton(model, held, interface, unit, static_cast<int>(count), source.at);
     data.audit = audit_modes(model, modes, {});
     for (ModeRecord& r : data.audit) {

@@ -9,6 +9,7 @@
 
 #include "bodies/modal/lumped.hpp"
 #include "bodies/modal/modal_check.hpp"
+#include "bodies/modal/modal_source.hpp"
 #include "bodies/modal/refuse.hpp"
 #include "core/base/units.hpp"
 #include "core/base/utf8.hpp"
@@ -18,7 +19,7 @@ namespace cardan {
 namespace {
 
 constexpr const char* kSchema = "cardan-modal/1";
-constexpr double kMostStoredModes = 1000, kMostItems = 1e6, kMostDrawn = 5000;
+constexpr double kMostItems = 1e6, kMostDrawn = 5000;
 
 using Shape = std::vector<std::size_t>;
 using Array = Hdf5Array<double>;
@@ -256,7 +257,7 @@ Parts parts_of(const ModalData& d) {
 }
 
 void io(Archive& a, ModalData& d, const Parts& parts) {
-  io_whole(a, "/n_modes", d.n_modes, 1, kMostStoredModes);
+  io_whole(a, "/n_modes", d.n_modes, 1, kMostModesOfBody);
   const auto m = static_cast<std::size_t>(d.n_modes);
   a.text("/source", d.source, true);
   io(a, "/K", d.K, m, m);

@@ -13,6 +13,8 @@
 
 namespace cardan {
 
+inline constexpr int kMostModesOfBody = 1000;  // kept, those of interfaces too; what is of pairs of them with each one takes gigabytes
+
 struct Material {
   double E = 0.0;    // [Pa] Young's modulus, > 0
   double nu = 0.3;   // [-] Poisson's ratio, -1 < nu < 0.5; the shear modulus is E / (2 (1 + nu))
