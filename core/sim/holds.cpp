@@ -47,7 +47,7 @@ void Simulation::hold_roots(double t, const double* x, double* g) {
   std::fill_n(g, holds.size(), 1.0);
   if (!anything_is_held()) return;
   const bool good = look_at_holds(t, with_given_motion(t, x));
-  devices_->weigh_again();
+  weigh();  // devices_ may not have been told yet what has just broken away
   for (std::size_t i = 0; good && i < holds.size(); ++i)
     if (const Holding::Force& f = holding_->forces()[i]; f.held) g[i] = f.leaves != 0 ? -1.0 : kRoot * f.most - std::abs(f.force);
 }
