@@ -1,6 +1,7 @@
 #pragma once
 // What linear modes cannot tell: how fast a flexible body turns beside its first frequency (terms of second order in the deformation,
-// centrifugal stiffening and softening, are of the order of (Omega / omega_1)^2 of its stiffness), and how far it bends beside its size.
+// centrifugal stiffening and softening, are of the order of (Omega / omega_1)^2 of its stiffness), what it carries along itself beside what
+// it would buckle under, and how far it bends beside its size.
 #include <algorithm>
 #include <limits>
 #include <memory>
@@ -32,7 +33,7 @@ class FlexibleLimits {
   void see(Simulation& sim);
   void remember(Archive& archive) {
     for (Body& b : bodies_) {
-      archive.finite(b.rate, b.t_rate, b.deflection, b.t_deflection, b.point);
+      archive.finite(b.rate, b.t_rate, b.carries, b.t_carries, b.carried, b.t_carried, b.deflection, b.t_deflection, b.point);
       const bool there = std::find(b.points.begin(), b.points.end(), b.point) != b.points.end();
       if (!there && (b.point != -1 || b.deflection != 0.0)) archive.wrong("a node that the body does not have");
     }
@@ -47,10 +48,14 @@ class FlexibleLimits {
     std::vector<int> points;                      // its nodes that deform: index into the modal data
     double expected = 0.0;                        // [rad/s]
     double rate = 0.0, t_rate = 0.0;              // [rad/s] largest seen, and when [s]
+    double carries = 0.0, t_carries = -1.0;       // [N] tension along it > 0, mean over a period; when it was looked at [s], -1: not yet
+    double carried = 0.0, t_carried = 0.0;        // [N] the largest of these, likewise
     double deflection = 0.0, t_deflection = 0.0;  // [m] likewise, |Phi eta|
     int point = -1;                               // of that deflection
   };
   Diagnostic rate_warning(const Body& body, double rate, bool before) const;
+  double carried_by(const Body& body, Simulation& sim) const;
+  double share_of_stiffness(const Body& body) const;
   std::shared_ptr<const SystemSpec> spec_;  // of the run's first model, whatever it adopts
   std::vector<Body> bodies_;
 };

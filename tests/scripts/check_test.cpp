@@ -234,6 +234,29 @@ TEST_F(Physics, ASpunBoomIsToldOfAfterTheRunWhereNobodyKnewBefore) {
   EXPECT_TRUE(bent) << "the boom bends by metres: " << warnings;
 }
 
+TEST_F(Physics, WhatABeamCarriesAlongItselfIsToldOfAfterTheRun) {
+  // A rod of 2 m that stands under its weight, of 10 kg at its end too, four times what it buckles under, or lies.
+  const auto told = [this](const std::string& gravity, const std::string& more) {
+    write("cardan: 1\ngravity: {uniform: " + gravity + "}\nbodies:\n  rod:\n    type: modal_flexible\n    modal:\n" +
+          "      beam: {length: 2 m, material: {E: 70 GPa, rho: 2700}, section: {rectangle: {width: 3 cm, height: 6 mm}}}\n" +
+          "      modes: {count: 2}\n      nodes: {tip: {position: [2, 0, 0]}}\n" + "    hinge: {type: locked, to: world}\n" + more);
+    const Finished f = run({"run", ".", "--out", "o"});
+    EXPECT_EQ(f.exit_code, 0) << f.err;
+    std::string all;
+    const json warnings = json::parse(file_text(folder_ / "o/summary.json"))["warnings"];
+    for (const json& w : warnings)
+      if (w["code"] == "W0301" && has(w["about"], "along itself")) all += w["about"].get<std::string>();
+    return all;
+  };
+  // Of own weight 1.57 g / L is added to omega_1^2 or taken off: 0.128 of (1.23 Hz * 2 pi)^2.
+  EXPECT_TRUE(has(told("[-9.81, 0, 0]", ""), "a compression") && has(told("[-9.81, 0, 0]", ""), "order of 0.12"))
+      << told("[-9.81, 0, 0]", "");
+  EXPECT_TRUE(has(told("[9.81, 0, 0]", ""), "a tension"));
+  const std::string load = told("[-9.81, 0, 0]", "  load: {type: particle, mass: 10 kg, hinge: {type: locked, to: rod.tip}}\n");
+  EXPECT_TRUE(has(load, "a compression") && !has(load, "order of 0.")) << load;
+  EXPECT_EQ(told("[0, 0, -9.81]", ""), "");
+}
+
 TEST_F(Physics, WhatIsLookedAtBeforeTheRunLeavesTheBalancesOfPrescribedMotion) {
   write(boom("cantilever", 2, "{type: revolute, to: hub.mount, at: root, axis: [0, 0, 1], prescribed: true}"),
         "local v = vehicle \"v.yaml\"\nmission { duration = 1, integrator = { method = \"dopri5\" } }\n"

@@ -48,7 +48,7 @@ end
 assert(crossings(column, 20.04, 9, 13) == 2 and crossings(column, 20.06, 9, 13) == 0)
 assert(crossings(missile, 109.68, 20, 26) == 2 and crossings(missile, 109.7, 20, 26) == 0)
 
-local P, pieces = 10, { 8, 16 }
+local P, pieces = 8, { 8, 16 }
 local move = {}
 for _, n in ipairs(pieces) do
   for _, kind in ipairs { "missile", "column" } do
