@@ -197,6 +197,7 @@ void Simulation::take_in() {
 
   make_integrator_once();
   history_.resize(static_cast<int>(x_.size()));
+  start_holds();
   const auto found = std::ranges::count_if(map.device, [](int i) { return i >= 0; });
   if (devices_ && found < std::ssize(model_->devices.all)) start_devices(map.device);
   // Devices of other parameters begin with them as at the start; of others what the change has carried across zero happens.

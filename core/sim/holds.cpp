@@ -96,15 +96,23 @@ bool Simulation::hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way)
   return any;
 }
 
-/// What is held stands still; what more would be needed for than can be breaks away, one after the other. Where rates were set from
-/// outside, devices that hold begin with them as at the start.
+/// Where rates were set from outside, devices that hold begin with them as at the start. What has got a rate is not held while that is
+/// looked at: of closed loops that are held in more places than they need be nothing could be evaluated.
+void Simulation::start_holds() {
+  const auto& holds = model_->devices.holds;
+  if (!std::exchange(rates_were_set_, false) || !begun_ || holds.empty()) return;
+  for (const DeviceHold& h : holds)
+    if (state_.v[h.v] != 0.0) state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] = 0.0;
+  changed();
+  observe();
+  for (const DeviceHold& h : holds) device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
+  changed();
+}
+
+/// What is held stands still; what more would be needed for than can be breaks away, one after the other.
 void Simulation::settle_holds() {
   const auto& holds = model_->devices.holds;
-  if (std::exchange(rates_were_set_, false) && begun_ && !holds.empty()) {
-    observe();
-    for (const DeviceHold& h : holds) device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
-    changed();
-  }
+  start_holds();
   std::vector<std::uint8_t> gave_way(loops_ ? holds.size() : 0);
   for (std::size_t pass = 0; holding_ && pass <= 2 * holds.size(); ++pass) {
     if (!anything_is_held()) return;

@@ -297,6 +297,7 @@ class Simulation {
   bool anything_is_held() const;
   void break_away(std::size_t hold, int direction);
   void stop_what_is_held();
+  void start_holds();
   bool hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way);
   void settle_holds();
   bool hold_events(std::span<const int> crossed);
