@@ -281,6 +281,7 @@ void Simulation::end_jump(std::size_t before) {
       const std::size_t at = static_cast<std::size_t>(d.root) + root;
       const double was = passing_[before + at], is = passing_[now + at];
       if (!(was < 0.0 ? is > 0.0 : was > 0.0 && is < 0.0)) continue;
+      observe();
       device_happens(static_cast<int>(i), root, is > 0.0 ? 1 : -1);
       any = true;
     }
@@ -303,23 +304,30 @@ void Simulation::start_devices(std::span<const int> but) {
 
 /// What a device does where one of its roots crossed zero.
 void Simulation::device_happens(int device, std::uint32_t root, int side) {
-  observe();
   if (model_->devices.all[static_cast<std::size_t>(device)].family->impulse) ask_for_impulse(device, root, side);
   device_event(device, root, side);
   changed();
   strike();
 }
 
-/// What devices do where one of their roots crossed zero; true if any did.
+/// What devices do where one of their roots crossed zero; true if any did. What begins to hold comes last and is told of one state: where
+/// it stops at a dead centre of closed loops, nothing can be evaluated until settle_holds() has let it go again.
 bool Simulation::device_events(std::span<const int> crossed) {
   bool any = false;
-  for (std::size_t i = 0; devices_ && i < model_->devices.all.size(); ++i) {
-    const Device& d = model_->devices.all[i];
-    for (std::uint32_t root = 0; root < d.family->n_roots; ++root) {
-      const int side = crossed[static_cast<std::size_t>(d.root) + root];
-      if (side == 0) continue;
-      device_happens(static_cast<int>(i), root, side);
-      any = true;
+  for (const bool holding : {false, true}) {
+    bool told = false;
+    for (std::size_t i = 0; devices_ && i < model_->devices.all.size(); ++i) {
+      const Device& d = model_->devices.all[i];
+      if (std::ranges::any_of(model_->devices.holds, [i](const DeviceHold& h) { return h.device == static_cast<int>(i); }) != holding)
+        continue;
+      for (std::uint32_t root = 0; root < d.family->n_roots; ++root) {
+        const int side = crossed[static_cast<std::size_t>(d.root) + root];
+        if (side == 0) continue;
+        if (!told) observe();
+        told = holding;
+        device_happens(static_cast<int>(i), root, side);
+        any = true;
+      }
     }
   }
   if (hold_events(crossed)) any = true;

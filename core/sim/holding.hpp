@@ -23,10 +23,12 @@ class Holding {
   /// evaluated there.
   bool look(const DeviceForces& known, const Inputs& in, double t, const double* z, const double* marks);
   const std::vector<Force>& forces() const { return forces_; }
-  /// Closed loops leave a component no way to move while others are held: v' of a unit force on it, at rest, is nothing.
-  bool is_blocked(std::size_t hold, const double* q, const LoopDrive* drives);
+  /// Closed loops leave a component no way to move because others are held: not at a dead centre, where it has none whatever is held.
+  bool is_blocked_by_others(std::size_t hold, const double* q, const LoopDrive* drives);
 
  private:
+  /// Closed loops leave it no way to move: v' of a unit force on it, at rest, is nothing.
+  bool is_blocked(std::size_t hold, const double* q, const LoopDrive* drives);
   /// v' with all that acts at the state. false: it cannot be evaluated.
   bool accelerate();
   /// v' at other rates, with given ones and lengths of loops that begin to move at `pace`; nothing acts, and the modes are held as they

@@ -78,13 +78,13 @@ void Simulation::stop_what_is_held() {
   balances_.jump(Balances::Integrals::Zero(), off.cwiseAbs());
 }
 
-/// What closed loops do not let move while something else is held stands still, and holds as well.
+/// What closed loops do not let move because something else is held stands still, and holds as well.
 bool Simulation::hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way) {
   bool any = false;
   for (std::size_t i = 0; i < gave_way.size(); ++i) {
     const DeviceHold& h = model_->devices.holds[i];
     if (gave_way[i] != 0 || model_->prescribed[static_cast<std::size_t>(h.v)] != 0 ||
-        !holding_->is_blocked(i, state_.q.data(), hold_drives_.data()))
+        !holding_->is_blocked_by_others(i, state_.q.data(), hold_drives_.data()))
       continue;
     state_.v[h.v] = 0.0;
     changed();

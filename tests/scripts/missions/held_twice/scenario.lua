@@ -1,4 +1,4 @@
--- Ellipse trammels, bars of 1 m between sliders that friction holds, each by itself enough, are struck: one by a blow, one by a clutch that grips a wheel.
+-- Ellipse trammels, bars of 1 m between sliders that friction holds, each by itself enough, are struck: one by a blow, one by a clutch that grips a wheel [Coulomb 1785].
 -- At the angle u of a bar its sliders are at cos u and sin u, so that m u'^2 is their energy, and what they have is spent where X (x_0 - x) + Y (y - y_0) is
 -- as much. A rack of the radius r adds J (cos u / r)^2 to their inertia.
 local sat = vehicle "vehicle.yaml"
@@ -20,3 +20,12 @@ end
 stops("across", (1.5 * lever) ^ 2 / (2 * I))
 local both = I + J * (lever / r) ^ 2
 stops("geared", (J * 2 * lever / r) ^ 2 / (2 * both))
+
+-- At each dead centre of the crank both of its sliders stop at once, and none stays. They have gone by 0.1 m for each half turn and a part of it.
+local crank = sat:hinge "crank"
+local function gone()
+  local half = math.floor(crank:angle() / math.pi)
+  return 0.1 * (2 * half - 1 + 1 - math.cos(crank:angle() - math.pi * half))
+end
+local function energy() return 0.5 * (0.2 + (2 + 0.5 * 4) * (0.1 * math.sin(crank:angle())) ^ 2) * crank:rate() ^ 2 end
+check { name = "crank and sliders", unit = "J", equal = { 0.5 * 0.24 * 100, tolerance = 1e-8 }, value = function() return energy() + (1 + 2 * 2) * gone() end }
