@@ -184,10 +184,8 @@ void Simulation::take_in() {
   const double still = state_.v.size() > 0 ? kAtRest * std::max(1.0, state_.v.cwiseAbs().maxCoeff()) : 0.0;
   for (const DeviceHold& h : model_->devices.holds) {  // what is held takes part in a jump of rates, and what slides may slide back
     const bool sticks = state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] != 0.0;
-    if (std::abs(state_.v[h.v]) > still)
-      rates_were_set_ = true;
-    else if (sticks)
-      state_.v[h.v] = 0.0;
+    if (std::abs(state_.v[h.v]) <= still) state_.v[h.v] = 0.0;
+    rates_were_set_ = rates_were_set_ || !sticks || state_.v[h.v] != 0.0;
   }
   changed();
   let_inside();
