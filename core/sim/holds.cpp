@@ -11,6 +11,7 @@ namespace cardan {
 namespace {
 
 constexpr double kStillMoves = 1e-10;  // of the largest rate [rad/s, m/s], at least of 1: what is left where rest is located, at most
+constexpr double kAtRest = 1e-12;      // likewise: what is less after a jump is its rounding
 
 /// What holds gives way at a root that lies a little beyond the most that settle_holds() leaves alone: on which side of it a state begins
 /// is never a matter of rounding.
@@ -101,8 +102,12 @@ bool Simulation::hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way)
 void Simulation::start_holds() {
   const auto& holds = model_->devices.holds;
   if (!std::exchange(rates_were_set_, false) || !begun_ || holds.empty()) return;
+  const double still = kAtRest * std::max(1.0, state_.v.cwiseAbs().maxCoeff());
   for (const DeviceHold& h : holds)
-    if (state_.v[h.v] != 0.0) state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] = 0.0;
+    if (std::abs(state_.v[h.v]) <= still)
+      state_.v[h.v] = 0.0;
+    else
+      state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] = 0.0;
   changed();
   observe();
   for (const DeviceHold& h : holds) device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
