@@ -67,7 +67,9 @@ DeviceForces::DeviceForces(const Model& model, Model* own) : commands(model.devi
       if (d.family->follow && m.node < 0) followed_.hinges.push_back({mount, m.q, m.v});
       if (d.family->follow && m.node >= 0) followed_.nodes.push_back({mount, m.node, m.load, &m});
     }
-    if (d.family->follow) following_.push_back(static_cast<int>(&d - all.all.data()));
+    if (!d.family->follow) continue;
+    following_.push_back(static_cast<int>(&d - all.all.data()));
+    felt_.resize(std::max(felt_.size(), 2 * std::size_t{d.family->n_states}));
   }
   if (!following_.empty()) followed_motions_ = motions_;
   begins.push_back(static_cast<int>(given_.size())), begin_added.push_back(static_cast<int>(added_.size()));
@@ -404,22 +406,22 @@ void DeviceForces::event(int device, std::uint32_t root, int direction, double* 
   called_.device = -1;
 }
 
-bool DeviceForces::feel(int index, std::vector<cardan_mount_motion> mounts, double* z) {
+bool DeviceForces::feel(int index, std::span<cardan_mount_motion> mounts, double* z) {
   const Device& d = model_.devices.all[index];
   const int n = static_cast<int>(d.family->n_states);
-  std::vector<double> with(d.family->n_states), without(d.family->n_states);
+  double *const with = felt_.data(), *const without = with + n;
   cardan_device_args args = args_[index];
   args.in = args.d = nullptr, args.mount = mounts.data(), args.z = z + d.z;
   called_ = {index, "follow"};
-  int code = d.family->follow(&args, with.data());
+  int code = d.family->follow(&args, with);
   for (cardan_mount_motion& m : mounts) std::fill_n(m.alpha, 3, 0.0), std::fill_n(m.specific_force, 3, 0.0), m.vdot = 0.0;
-  if (code == 0) code = d.family->follow(&args, without.data());
+  if (code == 0) code = d.family->follow(&args, without);
   called_.device = -1;
   if (code != 0) {
     fault_ = {index, answer(d, "follow", code)};
     return false;
   }
-  for (std::size_t i = 0; i < with.size(); ++i) z[d.z + static_cast<int>(i)] += with[i] - without[i];
+  for (int i = 0; i < n; ++i) z[d.z + i] += with[i] - without[i];
   if (all_finite(z + d.z, n)) return true;
   fault_ = {index, fmt::format("follow: a jump makes {} = {}", d.family->states[first_not_finite(z + d.z, n)].name,
                                z[d.z + first_not_finite(z + d.z, n)])};

@@ -121,8 +121,8 @@ class DeviceForces : public StateLoads<double> {
   /// Those with `follow`.
   std::span<const int> following() const { return following_; }
   /// What states that follow from accelerations take of a jump of velocities, which is in alpha, specific_force and vdot of the mounts:
-  /// z' is affine in these, and their integrals over the jump are finite. False: fault() tells why.
-  bool feel(int device, std::vector<cardan_mount_motion> mounts, double* z);
+  /// z' is affine in these, and their integrals over the jump are finite. They are zero after it. False: fault() tells why.
+  bool feel(int device, std::span<cardan_mount_motion> mounts, double* z);
   /// Where the accelerations of a mount go before its tick; zero again after it.
   cardan_mount_motion& motion_of_tick(int mount) { return motions_[mount]; }
   const DeviceFault& fault() const { return fault_; }
@@ -181,6 +181,7 @@ class DeviceForces : public StateLoads<double> {
   std::vector<Call> first_, acting_, others_;  // in the order of evaluation
   Mounts in_steps_, between_, pushed_;         // mounts that are read in steps, between them alone; that devices push at
   std::vector<int> following_;                 // devices with `follow`
+  std::vector<double> felt_;                   // z' of one of them with a jump, and without
   Mounts followed_;                            // their mounts, and how these move in it
   std::vector<cardan_mount_motion> motions_, followed_motions_;
   std::vector<double> z_, marks_, in_;

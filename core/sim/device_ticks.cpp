@@ -220,8 +220,8 @@ std::size_t Simulation::roots_of_devices() {
   return from;
 }
 
-std::vector<cardan_mount_motion> Simulation::motion_of_mounts(const Device& d) {
-  std::vector<cardan_mount_motion> all(d.mounts.size());
+void Simulation::motion_of_mounts(const Device& d, std::vector<cardan_mount_motion>& all) {
+  all.assign(d.mounts.size(), {});
   for (std::size_t i = 0; i < all.size(); ++i) {
     if (d.mounts[i].v >= 0) all[i].q = d.mounts[i].q >= 0 ? state_.q[d.mounts[i].q] : 0.0, all[i].v = state_.v[d.mounts[i].v];
     if (d.mounts[i].node < 0) continue;
@@ -230,16 +230,17 @@ std::vector<cardan_mount_motion> Simulation::motion_of_mounts(const Device& d) {
     Eigen::Vector3d::Map(all[i].position) = n.position;
     Eigen::Vector3d::Map(all[i].omega) = n.velocity.head<3>(), Eigen::Vector3d::Map(all[i].velocity) = n.velocity.tail<3>();
   }
-  return all;
 }
 
 /// States that follow from accelerations take what velocities have jumped by since begin_jump(), or since this was called last.
 void Simulation::feel_jump() {
   for (const int i : devices_ ? devices_->following() : std::span<const int>{}) {
     const Device& d = model_->devices.all[static_cast<std::size_t>(i)];
-    const std::vector<cardan_mount_motion> now = motion_of_mounts(d), before = std::exchange(felt_.mounts[d.name], now);
-    if (before.size() != now.size()) continue;  // it is new
-    std::vector<cardan_mount_motion> jumped = now;
+    auto& [now, before, jumped, is_known] = felt_.devices[d.name];
+    now.swap(before);
+    motion_of_mounts(d, now);
+    jumped = now;
+    if (!std::exchange(is_known, true) || before.size() != now.size()) continue;  // it is new
     bool any = false;
     for (std::size_t k = 0; k < now.size(); ++k) {
       using Eigen::Vector3d;
@@ -254,7 +255,7 @@ void Simulation::feel_jump() {
     }
     if (!any) continue;
     bool good = false;
-    if (!unless_thrown([&] { good = devices_->feel(i, std::move(jumped), state_.z.data()); }) || !good) fail(explain({}));
+    if (!unless_thrown([&, &felt = jumped] { good = devices_->feel(i, felt, state_.z.data()); }) || !good) fail(explain({}));
     changed();
   }
 }
@@ -263,7 +264,10 @@ void Simulation::feel_jump() {
 /// end_jump().
 std::size_t Simulation::begin_jump() {
   if (felt_.t != state_.t) felt_.depth = 0;
-  if (felt_.depth++ == 0) felt_.mounts.clear(), felt_.t = state_.t;
+  if (felt_.depth++ == 0) {
+    for (auto& [name, device] : felt_.devices) device.is_known = false;
+    felt_.t = state_.t;
+  }
   feel_jump();
   return roots_of_devices();
 }

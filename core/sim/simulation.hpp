@@ -287,7 +287,7 @@ class Simulation {
   std::size_t roots_of_devices();
   std::size_t begin_jump();
   void end_jump(std::size_t before);
-  std::vector<cardan_mount_motion> motion_of_mounts(const Device& d);
+  void motion_of_mounts(const Device& d, std::vector<cardan_mount_motion>& all);
   void feel_jump();
   void device_happens(int device, std::uint32_t root, int side);
   void start_devices(std::span<const int> but = {});
@@ -515,7 +515,11 @@ class Simulation {
   struct {
     int depth = 0;  // jumps within jumps
     double t = 0.0;
-    std::map<std::string, std::vector<cardan_mount_motion>> mounts;  // of devices with `follow`: up to here they have felt what has jumped
+    struct Device {
+      std::vector<cardan_mount_motion> mounts, before, jumped;  // up to `mounts` it has felt what has jumped; the others are scratch
+      bool is_known = false;
+    };
+    std::map<std::string, Device> devices;  // those with `follow`
   } felt_;
   std::vector<LoopDrive> hold_drives_;                        // likewise
   std::vector<double> x_given_;                               // a state of the integrator with the given motions put in

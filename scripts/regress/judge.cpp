@@ -76,7 +76,7 @@ class Judge {
       row.pass = check.value("verdict", "") == "pass" && std::isfinite(value);
     }
     for (const auto& [at, name] : golden_.checks)
-      if (std::ranges::none_of(rows_, [&](const ClaimRow& row) { return row.kind == "check" && row.name == name; })) {
+      if (std::ranges::none_of(rows_, [&, name = name](const ClaimRow& row) { return row.kind == "check" && row.name == name; })) {
         std::vector<std::string> legal;
         for (const ClaimRow& row : rows_) legal.push_back(row.name);
         add_problem("check", name,

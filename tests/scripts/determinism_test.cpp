@@ -80,7 +80,7 @@ TEST_F(Bits, DoNotDependOnLocaleTimeZoneOrSurroundings) {
                                     {"MALLOC_PERTURB_", "165"},
                                     {"LD_BIND_NOW", "1"},
                                     {"COLUMNS", "20"}})
-    EXPECT_EQ(hashes_of(folder_.path(), [&] { setenv(name, value, 1); }), expected_) << name << "=" << value;
+    EXPECT_EQ(hashes_of(folder_.path(), [name = name, value = value] { setenv(name, value, 1); }), expected_) << name << "=" << value;
   EXPECT_EQ(hashes_of(folder_.path(), [] { clearenv(); }), expected_) << "no environment at all";
 }
 
