@@ -91,10 +91,10 @@ static inline void family_records(const SweepModel& model, Workspace<Tangents>& 
     const auto chain = [&](int k) {
       Tangents number(ws.hinge_value(record, k));
       for (int c = 0; c < nq; ++c)
-        if (moves.q >> c & 1) number.d = number.d + Slopes(reinterpret_cast<const double*>(in_q + c)[k]) * at[c].d;
+        if (moves.q >> c & 1) number.d = number.d + Lanes<kDirections>(reinterpret_cast<const double*>(in_q + c)[k]) * at[c].d;
       if (k >= 48)
         for (int c = 0; c < nv; ++c)
-          if (moves.v >> c & 1) number.d = number.d + Slopes(in_v[6 * c + k - 48]) * rate[c].d;
+          if (moves.v >> c & 1) number.d = number.d + Lanes<kDirections>(in_v[6 * c + k - 48]) * rate[c].d;
       ws.set_hinge_number(record, k, number);
     };
     for (int k = 0; k < 12 + 6 * nv; ++k) chain(k);

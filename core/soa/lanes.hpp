@@ -2,6 +2,8 @@
 // W samples side by side in one number: the sweeps on Lanes<W> do W states at once, one state per lane. Every operation works
 // on each lane by itself, so a sample has the same bits whatever stands in the other lanes.
 #include <cmath>
+#include <cstddef>
+#include <type_traits>
 
 #include "core/spatial/rotation.hpp"
 
@@ -17,10 +19,30 @@ template <>
 struct PackOf<4> {
   using type [[gnu::vector_size(32)]] = double;
 };
+#if defined(__AVX512F__)
 template <>
 struct PackOf<8> {
   using type [[gnu::vector_size(64)]] = double;
 };
+#else
+/// Twice four where no register holds eight: a vector of eight goes through memory there, which makes
+/// the code twice as long and five times as slow.
+struct TwiceFour {
+  using Four = PackOf<4>::type;
+  Four a, b;
+  [[gnu::always_inline]] const double& operator[](std::size_t i) const { return reinterpret_cast<const double*>(this)[i]; }
+  [[gnu::always_inline]] double& operator[](std::size_t i) { return reinterpret_cast<double*>(this)[i]; }
+  [[gnu::always_inline]] TwiceFour operator-() const { return {-a, -b}; }
+  [[gnu::always_inline]] friend TwiceFour operator+(const TwiceFour& x, const TwiceFour& y) { return {x.a + y.a, x.b + y.b}; }
+  [[gnu::always_inline]] friend TwiceFour operator-(const TwiceFour& x, const TwiceFour& y) { return {x.a - y.a, x.b - y.b}; }
+  [[gnu::always_inline]] friend TwiceFour operator*(const TwiceFour& x, const TwiceFour& y) { return {x.a * y.a, x.b * y.b}; }
+  [[gnu::always_inline]] friend TwiceFour operator/(const TwiceFour& x, const TwiceFour& y) { return {x.a / y.a, x.b / y.b}; }
+};
+template <>
+struct PackOf<8> {
+  using type = TwiceFour;
+};
+#endif
 
 template <int W>
 struct alignas(8 * W) Lanes {
@@ -33,6 +55,8 @@ struct alignas(8 * W) Lanes {
       x = Pack{a, a};
     else if constexpr (W == 4)
       x = Pack{a, a, a, a};
+    else if constexpr (std::is_class_v<Pack>)
+      x.a = x.b = typename PackOf<4>::type{a, a, a, a};
     else
       x = Pack{a, a, a, a, a, a, a, a};
   }

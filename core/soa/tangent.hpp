@@ -4,50 +4,6 @@
 #include "core/soa/lanes.hpp"
 #include "core/spatial/tangent.hpp"
 
-namespace cardan::soa {
-
-#if defined(__AVX512F__)
-using Eight = PackOf<8>::type;
-#else
-/// Twice four where no register holds eight: the compiler takes a vector of eight through memory there, at three times the code and four
-/// times the time of these sweeps.
-struct Eight {
-  using Four = PackOf<4>::type;
-  Four a, b;
-  [[gnu::always_inline]] const double& operator[](int i) const { return reinterpret_cast<const double*>(this)[i]; }
-  [[gnu::always_inline]] double& operator[](int i) { return reinterpret_cast<double*>(this)[i]; }
-  [[gnu::always_inline]] Eight operator-() const { return {-a, -b}; }
-  [[gnu::always_inline]] friend Eight operator+(const Eight& x, const Eight& y) { return {x.a + y.a, x.b + y.b}; }
-  [[gnu::always_inline]] friend Eight operator-(const Eight& x, const Eight& y) { return {x.a - y.a, x.b - y.b}; }
-  [[gnu::always_inline]] friend Eight operator*(const Eight& x, const Eight& y) { return {x.a * y.a, x.b * y.b}; }
-  [[gnu::always_inline]] friend Eight operator/(const Eight& x, const Eight& y) { return {x.a / y.a, x.b / y.b}; }
-};
-#endif
-
-inline constexpr int kDirections = 8;
-/// Derivatives of a number along eight directions.
-struct alignas(8 * kDirections) Slopes {
-  Eight x;
-
-  Slopes() = default;
-  [[gnu::always_inline]] Slopes(double a) {  // NOLINT: the same along all
-#if defined(__AVX512F__)
-    x = Eight{a, a, a, a, a, a, a, a};
-#else
-    x.a = x.b = Eight::Four{a, a, a, a};
-#endif
-  }
-  [[gnu::always_inline]] Slopes(int a) : Slopes(static_cast<double>(a)) {}  // NOLINT
-  [[gnu::always_inline]] explicit Slopes(const Eight& a) : x(a) {}
-  [[gnu::always_inline]] Slopes operator-() const { return Slopes(-x); }
-  [[gnu::always_inline]] friend Slopes operator+(const Slopes& a, const Slopes& b) { return Slopes(a.x + b.x); }
-  [[gnu::always_inline]] friend Slopes operator-(const Slopes& a, const Slopes& b) { return Slopes(a.x - b.x); }
-  [[gnu::always_inline]] friend Slopes operator*(const Slopes& a, const Slopes& b) { return Slopes(a.x * b.x); }
-  [[gnu::always_inline]] friend Slopes operator/(const Slopes& a, const Slopes& b) { return Slopes(a.x / b.x); }
-};
-
-}  // namespace cardan::soa
-
 namespace cardan {
 struct FlexibleBody;  // core/model/sweep_model.hpp
 
@@ -55,8 +11,8 @@ struct FlexibleBody;  // core/model/sweep_model.hpp
 inline double lane(const Tangent& a, int i) { return i == 0 ? a.x : a.d; }
 inline void set_lane(Tangent& a, int i, double value) { (i == 0 ? a.x : a.d) = value; }
 /// And Tangents are nine.
-[[gnu::always_inline]] inline double lane(const TangentOf<soa::Slopes>& a, int i) { return i == 0 ? a.x : a.d.x[i - 1]; }
-[[gnu::always_inline]] inline void set_lane(TangentOf<soa::Slopes>& a, int i, double value) {
+[[gnu::always_inline]] inline double lane(const TangentOf<soa::Lanes<8>>& a, int i) { return i == 0 ? a.x : a.d.x[i - 1]; }
+[[gnu::always_inline]] inline void set_lane(TangentOf<soa::Lanes<8>>& a, int i, double value) {
   if (i == 0)
     a.x = value;
   else
@@ -71,7 +27,8 @@ using cardan::Tangent;
 template <>
 inline constexpr int kWidth<Tangent> = 2;
 
-using Tangents = TangentOf<Slopes>;
+inline constexpr int kDirections = 8;
+using Tangents = TangentOf<Lanes<kDirections>>;
 template <>
 inline constexpr int kWidth<Tangents> = 1 + kDirections;
 template <>
