@@ -22,6 +22,7 @@ std::optional<Eigen::VectorXd> generalised_eigenvalues(const Eigen::MatrixXd& K,
 std::optional<DensePairs> modal_pairs(const Eigen::MatrixXd& K, const Eigen::MatrixXd& M);
 /// Of any real matrix, in no order.
 Eigen::VectorXcd eigenvalues(const Eigen::MatrixXd& A);
+/// With their right vectors, of length 1, one a column; A is taken as it is, where eigenvalues() balances its rows and columns first.
 struct ComplexPairs {
   Eigen::VectorXcd values;
   Eigen::MatrixXcd vectors;

@@ -25,8 +25,8 @@ struct PackOf<8> {
   using type [[gnu::vector_size(64)]] = double;
 };
 #else
-/// Twice four where no register holds eight: a vector of eight goes through memory there, which makes
-/// the code twice as long and five times as slow.
+/// Twice four where no register holds eight: a vector of eight goes through memory there, at twice the code and, with AVX2, five to six
+/// times the time (docs/benchmarks.md, analyses).
 struct TwiceFour {
   using Four = PackOf<4>::type;
   Four a, b;
