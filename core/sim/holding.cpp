@@ -88,10 +88,10 @@ bool Holding::is_blocked(std::size_t hold, const double* q, const LoopDrive* dri
 
 bool Holding::is_blocked_by_others(std::size_t hold, const double* q, const LoopDrive* drives) {
   if (!is_blocked(hold, q, drives)) return false;
-  const std::vector<std::uint8_t> held = own_->prescribed;
+  held_ = own_->prescribed;
   for (const DeviceHold& h : model_.devices.holds) own_->prescribed[static_cast<std::size_t>(h.v)] = 0;
   const bool at_dead_centre = is_blocked(hold, q, drives);
-  own_->prescribed = held;
+  own_->prescribed = held_;
   return !at_dead_centre;
 }
 

@@ -48,7 +48,8 @@ class Holding {
   std::unique_ptr<FieldMoments> fields_;  // of gravity that is a field; null: it is none
   Inputs use_;                            // of the state that is looked at
   std::vector<double> tau_, needed_, vdot_, zero_, given_, probe_;
-  std::vector<double> in_turns_;  // per rate: the turn [rad/s] of the lightest that loops turn which has the energy of one of it
+  std::vector<std::uint8_t> held_;  // Model::prescribed while others are let go
+  std::vector<double> in_turns_;    // per rate: the turn [rad/s] of the lightest that loops turn which has the energy of one of it
   std::vector<LoopDrive> lengths_;
   std::vector<NodeWrench> wrenches_;
   std::vector<Force> forces_;

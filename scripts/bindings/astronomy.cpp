@@ -218,25 +218,21 @@ int nrlmsise00(lua_State* L) {
 }  // namespace
 
 void bind_astronomy(Scenario& s) {
-  constexpr struct {
-    const char* name;
-    lua_CFunction function;
-    int arguments;
-  } kFunctions[] = {{"julian_date", julian_date, 3},
-                    {"leap_seconds", leap_seconds_of, 3},
-                    {"earth_rotation_angle", rotation_angle, 3},
-                    {"sidereal_time", sidereal_time, 3},
-                    {"nutation", nutation_of, 2},
-                    {"intermediate_pole", pole, 2},
-                    {"precession_nutation", precession_nutation, 2},
-                    {"earth_axes", axes, 7},
-                    {"axes", axes_of_body, 3},
-                    {"position", position, 4},
-                    {"gm", gm, 1},
-                    {"nrlmsise00", nrlmsise00, 1},
-                    {"geodetic", to_geodetic, 1},
-                    {"from_geodetic", from_geodetic, 3}};
-  for (const auto& [name, function, arguments] : kFunctions) s.lua.bind(string("astro.") + name, limited(arguments, function));
+  bind_module(s, "astro",
+              {{"julian_date", julian_date, 3},
+               {"leap_seconds", leap_seconds_of, 3},
+               {"earth_rotation_angle", rotation_angle, 3},
+               {"sidereal_time", sidereal_time, 3},
+               {"nutation", nutation_of, 2},
+               {"intermediate_pole", pole, 2},
+               {"precession_nutation", precession_nutation, 2},
+               {"earth_axes", axes, 7},
+               {"axes", axes_of_body, 3},
+               {"position", position, 4},
+               {"gm", gm, 1},
+               {"nrlmsise00", nrlmsise00, 1},
+               {"geodetic", to_geodetic, 1},
+               {"from_geodetic", from_geodetic, 3}});
 }
 
 }  // namespace cardan

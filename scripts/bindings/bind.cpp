@@ -27,6 +27,10 @@ void expect_setup(lua_State* L, const Scenario& s, const char* what, bool needs_
     refuse(L, Code::lua_argument, what, "a vehicle before it", "no vehicle yet", "begin with: local sat = vehicle \"vehicle.yaml\"");
 }
 
+void bind_module(Scenario& s, const char* module, std::initializer_list<ModuleFunction> functions) {
+  for (const auto& [name, function, arguments] : functions) s.lua.bind(fmt::format("{}.{}", module, name), limited(arguments, function));
+}
+
 std::string listed(const std::vector<std::string>& names) { return names.empty() ? "none" : fmt::format("{}", fmt::join(names, ", ")); }
 
 double seconds_at(lua_State* L, int index, const char* what) {

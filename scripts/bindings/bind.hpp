@@ -1,5 +1,6 @@
 #pragma once
 // What the files that bind share: each makes the functions and types that scripts see of one thing.
+#include <initializer_list>
 #include <string>
 #include <vector>
 
@@ -17,6 +18,15 @@ void bind_astronomy(Scenario&);      // astro
 void bind_control(Scenario&);        // control
 void bind_sequences(Scenario&);      // sequence, wait, at, wait_until
 void bind_handles(Scenario&);        // bodies, hinges, modes, nodes, loads
+
+/// A function of a module, and how many arguments it hears at the most.
+struct ModuleFunction {
+  const char* name;
+  lua_CFunction function;
+  int arguments;
+};
+/// Makes "module.name" of each.
+void bind_module(Scenario&, const char* module, std::initializer_list<ModuleFunction>);
 
 /// Pushes the handle of the vehicle.
 void push_vehicle(lua_State* L, Scenario&);

@@ -182,14 +182,14 @@ int response(lua_State* L) {
 }  // namespace
 
 void bind_control(Scenario& s) {
-  constexpr struct {
-    const char* name;
-    lua_CFunction function;
-    int arguments;
-  } kFunctions[] = {
-      {"lqr", lqr, 4},        {"dlqr", dlqr, 4},        {"kalman", kalman, 4}, {"dkalman", dkalman, 4}, {"discretise", discretise, 4},
-      {"poles", poles_of, 2}, {"response", response, 6}};
-  for (const auto& [name, function, arguments] : kFunctions) s.lua.bind(std::string("control.") + name, limited(arguments, function));
+  bind_module(s, "control",
+              {{"lqr", lqr, 4},
+               {"dlqr", dlqr, 4},
+               {"kalman", kalman, 4},
+               {"dkalman", dkalman, 4},
+               {"discretise", discretise, 4},
+               {"poles", poles_of, 2},
+               {"response", response, 6}});
 }
 
 }  // namespace cardan

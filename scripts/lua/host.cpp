@@ -100,7 +100,8 @@ const char* chunk_of(const lua_Debug& frame) { return *frame.source == '@' ? fra
 std::string hint_for(lua_State* L, const std::string& message) {
   lua_Debug frame;
   if (lua_getstack(L, 1, &frame) && lua_getinfo(L, "S", &frame) && message.starts_with("attempt to "))
-    if (const std::string_view source = frame.source; source == "=[cardan.vec]" || source == "=[cardan.quat]")
+    if (const std::string_view source = frame.source;
+        source == "=[cardan.vec]" || source == "=[cardan.quat]" || source == "=[cardan.arguments]")
       return "vec and quat work on arrays of numbers; several values need braces: vec.norm { bus:rate() }";
   constexpr std::string_view kOpening = "(global '";
   const std::size_t start = message.find(kOpening);

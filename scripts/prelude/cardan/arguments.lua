@@ -10,6 +10,12 @@ local function vector(n, x)
   return true
 end
 
+-- Unless there are three of them: of a quaternion three of its four numbers would be taken. NaN is no fault here, a controller may go on
+-- with it.
+local function expect_three(who, a)
+  if #a ~= 3 then error(who .. ": expected three numbers, got " .. #a, 3) end
+end
+
 -- {1, 2} as such, anything else as Lua tells it.
 local function told(x)
   if type(x) ~= "table" or #x == 0 or #x > 6 then return tostring(x) end
@@ -30,4 +36,4 @@ local function expect_keys(who, options, known)
   end
 end
 
-return { finite = finite, positive = positive, vector = vector, expect = expect, expect_keys = expect_keys }
+return { finite = finite, positive = positive, vector = vector, expect = expect, expect_keys = expect_keys, expect_three = expect_three }

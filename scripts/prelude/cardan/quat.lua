@@ -1,11 +1,8 @@
+local expect_three = require("cardan.arguments").expect_three
+
 --- Quaternions as arrays {w, x, y, z}. q turns components in the axes of a body into components in the world:
 --- v_world = quat.rotate(q, v_body).
 local quat = {}
-
--- Of a quaternion three of its four numbers would be taken.
-local function expect_three(who, a)
-  if #a ~= 3 then error("quat." .. who .. ": expected three numbers, got " .. #a, 3) end
-end
 
 --- The product p q: first q, then p.
 ---@param p number[]
@@ -30,7 +27,7 @@ function quat.conjugate(q) return { q[1], -q[2], -q[3], -q[4] } end
 ---@param angle number [rad]
 ---@return number[] q
 function quat.from_axis_angle(axis, angle)
-  expect_three("from_axis_angle", axis)
+  expect_three("quat.from_axis_angle", axis)
   local n = math.sqrt(axis[1] ^ 2 + axis[2] ^ 2 + axis[3] ^ 2)
   if n == 0 then error("quat.from_axis_angle: the zero vector is no axis", 2) end
   local s = math.sin(angle / 2) / n
@@ -41,7 +38,7 @@ end
 ---@param vector number[] [rad]
 ---@return number[] q
 function quat.from_rotation_vector(vector)
-  expect_three("from_rotation_vector", vector)
+  expect_three("quat.from_rotation_vector", vector)
   local a = math.sqrt(vector[1] ^ 2 + vector[2] ^ 2 + vector[3] ^ 2)
   local k = a < 1e-8 and 0.5 or math.sin(a / 2) / a
   return { math.cos(a / 2), k * vector[1], k * vector[2], k * vector[3] }
@@ -69,7 +66,7 @@ function quat.error(q_ref, q) return quat.to_rotation_vector(quat.multiply(quat.
 ---@param v number[]
 ---@return number[] v
 function quat.rotate(q, v)
-  expect_three("rotate", v)
+  expect_three("quat.rotate", v)
   local w, x, y, z = q[1], q[2], q[3], q[4]
   local tx, ty, tz = 2 * (y * v[3] - z * v[2]), 2 * (z * v[1] - x * v[3]), 2 * (x * v[2] - y * v[1])
   return { v[1] + w * tx + y * tz - z * ty, v[2] + w * ty + z * tx - x * tz, v[3] + w * tz + x * ty - y * tx }

@@ -1,18 +1,15 @@
+local expect_three = require("cardan.arguments").expect_three
+
 --- Vectors as arrays of three numbers. Every function returns a new array.
 local vec = {}
-
--- Of a quaternion three of its four numbers would be taken.
-local function expect_three(who, a)
-  if #a ~= 3 then error("vec." .. who .. ": expected three numbers, got " .. #a, 3) end
-end
 
 --- a + b.
 ---@param a number[]
 ---@param b number[]
 ---@return number[] sum
 function vec.add(a, b)
-  expect_three("add", a)
-  expect_three("add", b)
+  expect_three("vec.add", a)
+  expect_three("vec.add", b)
   return { a[1] + b[1], a[2] + b[2], a[3] + b[3] }
 end
 
@@ -21,8 +18,8 @@ end
 ---@param b number[]
 ---@return number[] difference
 function vec.sub(a, b)
-  expect_three("sub", a)
-  expect_three("sub", b)
+  expect_three("vec.sub", a)
+  expect_three("vec.sub", b)
   return { a[1] - b[1], a[2] - b[2], a[3] - b[3] }
 end
 
@@ -35,7 +32,7 @@ function vec.scale(s, a)
   if type(s) ~= "number" or type(a) == "number" or not a then
     error("vec.scale: expected a number and an array of three numbers, got " .. type(s) .. " and " .. type(a), 2)
   end
-  expect_three("scale", a)
+  expect_three("vec.scale", a)
   return { s * a[1], s * a[2], s * a[3] }
 end
 
@@ -43,8 +40,8 @@ end
 ---@param b number[]
 ---@return number product
 function vec.dot(a, b)
-  expect_three("dot", a)
-  expect_three("dot", b)
+  expect_three("vec.dot", a)
+  expect_three("vec.dot", b)
   return a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
 end
 
@@ -53,8 +50,8 @@ end
 ---@param b number[]
 ---@return number[] product
 function vec.cross(a, b)
-  expect_three("cross", a)
-  expect_three("cross", b)
+  expect_three("vec.cross", a)
+  expect_three("vec.cross", b)
   return { a[2] * b[3] - a[3] * b[2], a[3] * b[1] - a[1] * b[3], a[1] * b[2] - a[2] * b[1] }
 end
 
@@ -62,7 +59,7 @@ end
 ---@param a number[]
 ---@return number length
 function vec.norm(a)
-  expect_three("norm", a)
+  expect_three("vec.norm", a)
   return math.sqrt(a[1] * a[1] + a[2] * a[2] + a[3] * a[3])
 end
 
