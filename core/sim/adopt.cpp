@@ -132,8 +132,9 @@ void Simulation::take_in() {
   for (const NodeWrench& w : std::span(wrenches_).subspan(static_cast<std::size_t>(before->devices.n_loads)))
     if (!next.model->has(OpCode::node_wrenches) || (w.world_axes && !next.model->has(OpCode::world)))
       throw std::logic_error("adopt: compile the model with the CompileOptions of the one before");
-  const std::size_t remembered = in_run ? begin_jump() : passing_.size();
-  const std::vector<double> roots_were(passing_.begin() + static_cast<std::ptrdiff_t>(remembered), passing_.end());
+  std::optional<Jump> jump;
+  if (in_run) jump.emplace(*this);
+  const std::vector<double> roots_were = jump ? jump->roots() : std::vector<double>();
   own_ = next.model->changes() ? std::make_shared<Model>(*next.model) : nullptr;
   model_ = own_ ? std::shared_ptr<const Model>(own_) : next.model;
   now_ = then(now_, map, *model_);
@@ -211,8 +212,8 @@ void Simulation::take_in() {
       changed();
     }
   }
-  passing_.resize(remembered), passing_.insert(passing_.end(), roots.begin(), roots.end());
-  end_jump(remembered);
+  jump->set_roots(roots);
+  jump->end();
   for (std::size_t i = 0; i < map.body.size(); ++i) {
     const UserBody& u = before->user[i];
     if (u.n_modes == 0) continue;

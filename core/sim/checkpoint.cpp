@@ -47,14 +47,8 @@ Checkpoint Simulation::checkpoint() {
   sample_devices(true);
   let_inside();
   make_integrator_once();
-  if (!std::exchange(begun_, true)) {
-    schedule_.start(state_.t);
-    std::ranges::fill(last_set_, state_.t);
-    begin_faults_anew();
-    start_devices();
-    begin_ledger();
-    history_.begin(state_.t, static_cast<int>(x_.size()));
-  }
+  if (!begun_) history_.begin(state_.t, static_cast<int>(x_.size()));
+  begin();
   settle();
   history_.restarted(restart_.value_or(RestartCause::checkpoint));
   Archive all;

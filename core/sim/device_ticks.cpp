@@ -207,17 +207,17 @@ void Simulation::device_roots(double t, const double* x, double* g) {
   if (m.devices.n_edges > 0) on_trial_->edges(g + m.devices.n_roots + m.devices.holds.size());
 }
 
-/// Those at the present state go behind what `passing_` has; where they begin there.
-std::size_t Simulation::roots_of_devices() {
+/// Those at the present state go behind what `passing_` has.
+void Simulation::roots_of_devices() {
+  if (!on_trial_) return;
   const std::size_t from = passing_.size();
-  if (!on_trial_) return from;
   observe();  // what inputs are given
   passing_.resize(from + static_cast<std::size_t>(n_roots()) - events_.size() - limits_.size());
   hold_x_.resize(x_given_.size());
   pack(hold_x_.data());
-  if (!unless_thrown([&] { device_roots(state_.t, hold_x_.data(), passing_.data() + from); })) fail(explain({}));
-  passing_.resize(from + static_cast<std::size_t>(model_->devices.n_roots));
-  return from;
+  const bool known = unless_thrown([&] { device_roots(state_.t, hold_x_.data(), passing_.data() + from); });
+  passing_.resize(from + (known ? static_cast<std::size_t>(model_->devices.n_roots) : 0));
+  if (!known) fail(explain({}));
 }
 
 void Simulation::motion_of_mounts(const Device& d, std::vector<cardan_mount_motion>& all) {
@@ -232,7 +232,7 @@ void Simulation::motion_of_mounts(const Device& d, std::vector<cardan_mount_moti
   }
 }
 
-/// States that follow from accelerations take what velocities have jumped by since begin_jump(), or since this was called last.
+/// States that follow from accelerations take what velocities have jumped by since the outermost Jump began, or since this was called last.
 void Simulation::feel_jump() {
   for (const int i : devices_ ? devices_->following() : std::span<const int>{}) {
     const Device& d = model_->devices.all[static_cast<std::size_t>(i)];
@@ -260,24 +260,30 @@ void Simulation::feel_jump() {
   }
 }
 
-/// Before velocities jump at an instant, by whatever: roots of devices are remembered, and how their mounts move. What is given goes to
-/// end_jump().
-std::size_t Simulation::begin_jump() {
-  if (felt_.t != state_.t) felt_.depth = 0;
-  if (felt_.depth++ == 0) {
-    for (auto& [name, device] : felt_.devices) device.is_known = false;
-    felt_.t = state_.t;
-  }
-  feel_jump();
-  return roots_of_devices();
+Simulation::Jump::Jump(Simulation& sim) : sim_(sim), from_(std::ssize(sim.passing_)) {
+  if (sim.felt_.depth == 0)
+    for (auto& [name, device] : sim.felt_.devices) device.is_known = false;
+  sim.feel_jump();
+  sim.roots_of_devices();
+  ++sim.felt_.depth;
 }
 
-/// What a jump of the state has carried across zero happens; `before`: where roots before it are remembered, 0 of those that do not count.
-void Simulation::end_jump(std::size_t before) {
-  feel_jump();
-  --felt_.depth;
+Simulation::Jump::~Jump() {
+  if (!felt_) --sim_.felt_.depth;
+  sim_.passing_.resize(static_cast<std::size_t>(from_));
+}
+
+void Simulation::Jump::end() {
+  sim_.feel_jump();
+  felt_ = true, --sim_.felt_.depth;
+  sim_.pass_roots(static_cast<std::size_t>(from_));
+}
+
+/// What lies on the other side of zero than it did happens; `before`: where that is in passing_.
+void Simulation::pass_roots(std::size_t before) {
   if (!on_trial_) return;
-  const std::size_t now = roots_of_devices();
+  const std::size_t now = passing_.size();
+  roots_of_devices();
   bool any = false;
   for (std::size_t i = 0; i < model_->devices.all.size(); ++i) {
     const Device& d = model_->devices.all[i];

@@ -37,10 +37,10 @@ void Simulation::prescribe(int v_index, MotionProfile profile) {
   p->profile = std::move(profile);
   p->given = true;
   if (begun_) {
-    const std::size_t roots = begin_jump();
+    Jump jump(*this);
     start_given_motion();
     changed();
-    end_jump(roots);
+    jump.end();
   }
   changed();
 }
@@ -174,8 +174,8 @@ void Simulation::start_closed() {
   const bool struck = std::exchange(struck_by_loops_, false);
   Momentum p_before;
   Energy e_before;
-  std::size_t roots = 0;
-  if (struck) ledger(), p_before = momentum(), e_before = energy(), roots = begin_jump();
+  std::optional<Jump> jump;
+  if (struck) ledger(), p_before = momentum(), e_before = energy(), jump.emplace(*this);
   Eigen::Map<Eigen::VectorXd> as_given(x_.data(), model_->nq);  // packed anew after this
   as_given = state_.q;
   if (!close_loops(state_.t, state_.q.data(), state_.v.data())) fail(explain({}));
@@ -202,7 +202,7 @@ void Simulation::start_closed() {
   Balances::Integrals given;
   given << p.linear - p_before.linear, p.angular - p_before.angular, energy().total() - e_before.total();
   balances_.jump(given);
-  end_jump(roots);
+  jump->end();
 }
 
 double Simulation::next_corner() const {

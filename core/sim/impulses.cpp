@@ -87,7 +87,7 @@ void Simulation::jump(const std::string& by) {
   ledger();  // up to here
   const Momentum p_before = momentum();
   const Energy e_before = energy();
-  const std::size_t roots = begin_jump();
+  Jump jump(*this);
   Balances::Integrals given = Balances::Integrals::Zero();
   const auto add_half_of_work = [&](const Observer& o) {
     for (const NodeWrench& w : blows) {
@@ -125,7 +125,7 @@ void Simulation::jump(const std::string& by) {
         Note::event, state_.t,
         {by, fmt::format("impulse: momentum {:.6g} N s, angular momentum {:.6g} N m s, energy {:+.6g} J",
                          (p.linear - p_before.linear).norm(), (p.angular - p_before.angular).norm(), e.total() - e_before.total())});
-  end_jump(roots);
+  jump.end();
 }
 
 void Simulation::bounce(std::span<const int> crossed) {

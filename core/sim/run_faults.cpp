@@ -287,6 +287,14 @@ void Simulation::expect_good_plugins() {
   fail(explain({}));
 }
 
+/// A run that goes on after it has failed, perhaps from another state, is told of what comes.
+void Simulation::forget_failure() {
+  gravity_stopped_.clear(), culprit_.clear(), thrown_.clear();
+  impulse_.by = -1;
+  stretch_ = std::numeric_limits<double>::infinity();
+  for (Limit& limit : limits_) limit.ahead = false;
+}
+
 void Simulation::fail(RunFailure failure) {
   if (recorder_) {
     std::vector<double> x(static_cast<std::size_t>(model_->nq + model_->nv + model_->devices.n_z));

@@ -284,9 +284,30 @@ class Simulation {
   void pack(double* x) const;
   void unpack(const double* x);
   void device_roots(double t, const double* x, double* g);
-  std::size_t roots_of_devices();
-  std::size_t begin_jump();
-  void end_jump(std::size_t before);
+  void roots_of_devices();
+  void pass_roots(std::size_t before);
+  /// As long as it is there velocities jump, by whatever; another may be within it. Where something fails in the middle nothing of it
+  /// stays.
+  class Jump {
+   public:
+    explicit Jump(Simulation& sim);
+    ~Jump();
+    Jump(const Jump&) = delete;
+    Jump& operator=(const Jump&) = delete;
+    /// Of devices, before it.
+    std::vector<double> roots() const { return {sim_.passing_.begin() + from_, sim_.passing_.end()}; }
+    /// The devices are others in the midst of it; 0 of those that do not count.
+    void set_roots(const std::vector<double>& roots) {
+      sim_.passing_.resize(static_cast<std::size_t>(from_)), sim_.passing_.insert(sim_.passing_.end(), roots.begin(), roots.end());
+    }
+    /// Devices feel it, and what it has carried across zero happens.
+    void end();
+
+   private:
+    Simulation& sim_;
+    std::ptrdiff_t from_;  // of passing_
+    bool felt_ = false;
+  };
   void motion_of_mounts(const Device& d, std::vector<cardan_mount_motion>& all);
   void feel_jump();
   void device_happens(int device, std::uint32_t root, int side);
@@ -350,11 +371,14 @@ class Simulation {
   RunFailure beyond_a_field(const FieldFault& fault) const;
   void say_held_fields();
   void make_integrator_once();
+  void forget_failure();
   void remember(Archive& archive);
   void start_anew(Archive& archive);
   void settle();
   void restart();
+  bool begin();
   void step(double t_stop);
+  void pass_crossings(std::span<const int> crossed);
   void tick();
   void pass_instant();
   double next_instant() const { return next_instant_ ? next_instant_() : std::numeric_limits<double>::infinity(); }
@@ -514,7 +538,6 @@ class Simulation {
   std::vector<double> passing_;                        // roots of devices before the jumps that are under way, those of the innermost last
   struct {
     int depth = 0;  // jumps within jumps
-    double t = 0.0;
     struct Device {
       std::vector<cardan_mount_motion> mounts, before, jumped;  // up to `mounts` it has felt what has jumped; the others are scratch
       bool is_known = false;

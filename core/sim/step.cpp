@@ -26,18 +26,8 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
     ~Outside() { doing = RestartCause::start; }
     RestartCause& doing;
   } after{doing_};
-  if (!begun_) {
-    begun_ = true;
-    schedule_.start(state_.t);
-    std::ranges::fill(last_set_, state_.t);
-    begin_faults_anew();
-    start_devices();
-    start_lengths();
-    start_closed();
-    begin_ledger();
-    say_doubts();
-    foresee_stiffness(t_end);
-  }
+  forget_failure();
+  if (begin()) foresee_stiffness(t_end);
   t_end_ = t_end;
   looked_at_ = steps_, t_looked_at_ = state_.t;
   while (!stopped_) {
@@ -57,6 +47,25 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   }
   keep_steps();
   write_outputs();
+}
+
+/// What a run begins with, once; true if it is now. What is refused here is refused again.
+bool Simulation::begin() {
+  if (std::exchange(begun_, true)) return false;
+  try {
+    schedule_.start(state_.t);
+    std::ranges::fill(last_set_, state_.t);
+    begin_faults_anew();
+    start_devices();
+    start_lengths();
+    start_closed();
+    begin_ledger();
+    say_doubts();
+  } catch (...) {
+    begun_ = false;
+    throw;
+  }
+  return true;
 }
 
 /// The state as the integrator may begin with it.
@@ -112,16 +121,7 @@ void Simulation::step(double t_stop) {
   if (std::exchange(ledger_asked_, false)) ledger();
   if (report.stiff) say_stiff();
   doing_ = RestartCause::event;
-  if (report.event) handle_events(report.crossed);
-  if (report.event) {
-    const auto [corners, devices] =
-        std::pair(report.crossed.subspan(events_.size(), limits_.size()), report.crossed.subspan(events_.size() + limits_.size()));
-    bounce(corners);
-    const auto crossed = [](int side) { return side != 0; };
-    const auto edges = report.crossed.last(static_cast<std::size_t>(model_->devices.n_edges));
-    if (device_events(devices) || std::ranges::any_of(corners, crossed) || std::ranges::any_of(edges, crossed))
-      start_anew_for(RestartCause::event);  // a stop begins or ends to push, a device changed, a shadow begins: a corner
-  }
+  if (report.event) pass_crossings(report.crossed);
   // v' of a prescribed motion jumps at a corner; the history of a multi-step method is not on closed loops.
   if (report.t == corner) start_anew_for(RestartCause::corner);
   if (drifted_ && integrator_->keeps_unprojected()) start_anew_for(RestartCause::loops);
@@ -264,6 +264,17 @@ void Simulation::look_inside(double t_end) {
     tick();
   }
   if (!drives_.empty()) drive_loops(t_end, t_end, drives_);
+}
+
+/// What happens where functions of roots() crossed zero, in their order.
+void Simulation::pass_crossings(std::span<const int> crossed) {
+  handle_events(crossed);
+  const auto corners = crossed.subspan(events_.size(), limits_.size()), devices = crossed.subspan(events_.size() + limits_.size());
+  const auto edges = crossed.last(static_cast<std::size_t>(model_->devices.n_edges));
+  bounce(corners);
+  const auto any = [](std::span<const int> of) { return std::ranges::any_of(of, [](int side) { return side != 0; }); };
+  if (device_events(devices) || any(corners) || any(edges))
+    start_anew_for(RestartCause::event);  // a stop begins or ends to push, a device changed, a shadow begins: a corner
 }
 
 void Simulation::handle_events(std::span<const int> crossed) {

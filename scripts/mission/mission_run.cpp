@@ -148,7 +148,7 @@ void MissionRun::go_on_with_sequences() {
 /// What the function of an event has to say is told in place of what the integrator made of it.
 template <class F>
 void MissionRun::told_by_events(F&& part) {
-  event_interrupt_ = nullptr;
+  event_interrupt_ = nullptr, event_failure_.reset();
   try {
     part();
   } catch (const NumericsError&) {

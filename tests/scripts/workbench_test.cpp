@@ -233,6 +233,39 @@ TEST(Workbench, LinesArePrintedAsValuesAndErrorsDoNotEndThem) {
             "error[C0501]: Lua syntax error: unexpected symbol near <eof>\n  --> prompt:1\n");
 }
 
+TEST(Workbench, EachFailureOfARunIsToldAsItsOwn) {
+  const TemporaryFolder dir;
+  fs::copy(kPendulum + "/vehicle.yaml", dir / "vehicle.yaml");
+  write(dir / "scenario.lua",
+        "vehicle 'vehicle.yaml'\n"
+        "mission { duration = '4 s' }\n"
+        "event { name = 'looks', when = function() assert(not first, 'the first fault') return 1 end }\n"
+        "controller { name = 'acts', rate = '10 Hz', step = function() assert(not second, 'the second fault') end }\n");
+  const Finished run =
+      piped({"."}, "first = true\nsim:run_to(1)\nfirst = false\nsim:run_to(1)\nsecond = true\nsim:run_to(2)\n", dir.path());
+  EXPECT_EQ(run.out, "1.0\n") << "between the two failures";
+  const std::size_t first = run.err.find("event \"looks\""), second = run.err.find("controller \"acts\"");
+  ASSERT_NE(first, std::string::npos) << run.err;
+  ASSERT_NE(second, std::string::npos) << run.err;
+  EXPECT_LT(first, second);
+  EXPECT_EQ(run.err.find("event \"looks\"", first + 1), std::string::npos) << run.err;
+}
+
+TEST(Workbench, WhatIsRefusedAtTheStartIsRefusedAgain) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml",
+        "cardan: 1\n"
+        "bodies:\n"
+        "  bob: {mass: 2 kg, inertia: [1, 1, 1], hinge: {type: free, to: world, initial: {position: [0, 0, -2]}}}\n"
+        "loops:\n"
+        "  rope: {type: distance, from: world, to: bob, length: 2 m, prescribed: true}\n");
+  const Finished run = piped({"vehicle.yaml"}, "sim:state { v = {0, 0, 0, 0, 0, 0.3} }\nsim:run_to(0.5)\nsim:run_to(0.5)\n", dir.path());
+  EXPECT_EQ(run.out, "");
+  const std::size_t first = run.err.find("error[C1103]");
+  ASSERT_NE(first, std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("error[C1103]", first + 1), std::string::npos) << run.err;
+}
+
 /// The sessions of docs/workbench.md: what follows a prompt is given, all else must come back.
 TEST(Workbench, TheSessionsOfTheDocumentAreWhatComesBack) {
   std::istringstream page(file_text(CARDAN_SOURCE_DIR "/docs/workbench.md"));

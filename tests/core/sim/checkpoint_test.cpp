@@ -14,6 +14,7 @@
 #include "core/sim/simulation.hpp"
 #include "tests/properties/equipped_vehicle.hpp"
 #include "tests/support/builders.hpp"
+#include "tests/support/mass_on_a_string.hpp"
 #include "tests/support/modal_samples.hpp"
 #include "tests/support/scratch.hpp"
 
@@ -317,6 +318,16 @@ TEST(Checkpoint, BeforeTheFirstStepIsTheBeginningOfTheRun) {
     rest.sim.run(t + 1.0);
     expect_same(whole.sim, rest.sim, "from the beginning");
   }
+}
+
+// Its string is as long as it is, and what moves along it has no profile to follow.
+TEST(Checkpoint, BeginsARunAsRunDoesAndWhatThatRefusesIsRefusedAgain) {
+  Simulation sim(compiled(mass_on_a_string({0.3, 1.5, 0.0})), {});
+  for (int again = 0; again < 2; ++again) {
+    EXPECT_THROW(sim.checkpoint(), InputError);
+    EXPECT_THROW(sim.run(1.0), InputError);
+  }
+  EXPECT_EQ(sim.time(), 0.0);
 }
 
 TEST(CheckpointText, KeepsEveryBit) {
