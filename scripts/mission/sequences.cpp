@@ -305,17 +305,22 @@ void Sequences::close(Sequence& me) {
 bool Sequences::advance(Sequence& me, std::optional<bool> answer) {
   bool yielded = false;
   me.state = State::running;
-  s_.lua.protect(
-      [&](lua_State* L) {
-        const Meanwhile running(running_, &me);
-        const Taping taping(s_.lua, played_ || keeps_ ? this : nullptr);
-        if (answer) lua_pushboolean(me.coroutine_, *answer);
-        yielded = s_.lua.resume(L, me.coroutine_, answer ? 1 : 0);
-        if (yielded && me.state == State::running)
-          refuse(me.coroutine_, Code::lua_argument, fmt::format("sequence \"{}\"", me.name), "wait, wait_until or at", "coroutine.yield",
-                 "nothing would tell when it goes on");
-      },
-      s_.lua.call_budget());
+  try {
+    s_.lua.protect(
+        [&](lua_State* L) {
+          const Meanwhile running(running_, &me);
+          const Taping taping(s_.lua, played_ || keeps_ ? this : nullptr);
+          if (answer) lua_pushboolean(me.coroutine_, *answer);
+          yielded = s_.lua.resume(L, me.coroutine_, answer ? 1 : 0);
+          if (yielded && me.state == State::running)
+            refuse(me.coroutine_, Code::lua_argument, fmt::format("sequence \"{}\"", me.name), "wait, wait_until or at", "coroutine.yield",
+                   "nothing would tell when it goes on");
+        },
+        s_.lua.call_budget());
+  } catch (...) {  // at the workbench the run may go on without it
+    me.state = State::stopped;
+    throw;
+  }
   if (!yielded) me.state = State::ended;
   return me.state == State::waiting;
 }

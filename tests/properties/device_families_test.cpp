@@ -40,6 +40,23 @@ TEST(Thruster, BringsTheImpulseOfItsPulse) {
   EXPECT_EQ(at_once.state().z[0], 0.0);  // no lag that nothing follows: it would be a pole, and steps would heed it
 }
 
+/// A valve that opens slowly and closes fast: 1 - e^(-t / rise) while it is told to open, then falls by e^(-t / fall).
+TEST(Thruster, OpensAndClosesByItsOwnTimes) {
+  const double F = 4.5, rise = 0.4, fall = 0.1, m = 100.0, level = -std::expm1(-0.5 / rise);
+  SystemSpec spec = system({free_bus(m)});
+  spec.devices = {with_vector(
+      device("jet", "thruster", {{"thrust", F}, {"specific_impulse", 220.0}, {"rise_time", rise}, {"fall_time", fall}}, {{"at", "bus"}}),
+      "direction", {0, 0, 1})};
+  Simulation sim(compiled(spec), accurate());
+  sim.every({1, 2}, [&] { sim.set_device_input(0, sim.time() == 0.0 ? 1.0 : 0.0); });
+  sim.run(0.5);
+  EXPECT_NEAR(sim.state().z[0], level, 1e-11);
+  EXPECT_NEAR(sim.state().v[5], F / m * (0.5 - rise * level), 1e-11);
+  sim.run(0.75);
+  EXPECT_NEAR(sim.state().z[0], level * std::exp(-0.25 / fall), 1e-11);
+  EXPECT_NEAR(sim.state().v[5], F / m * (0.5 - rise * level - fall * level * std::expm1(-0.25 / fall)), 1e-11);
+}
+
 /// What is commanded at each tick of 0.5 s, of a valve whose shortest pulse is 0.05 s: the impulse is F times the time that it is open,
 /// whatever the steps. Full pulses join, and what is carried comes later.
 TEST(PulseModulator, GivesTheTimesThatAreCommanded) {

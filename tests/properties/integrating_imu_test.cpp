@@ -241,6 +241,21 @@ struct Shy {
   }
 };
 
+/// z' = v' of a hinge.
+struct Tachometer {
+  static constexpr const char *type = "tachometer", *summary = "z' = v'";
+  static constexpr unsigned facts = 0;
+  using Packed = NoParameters;
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_HINGE, CARDAN_USE_ACCELERATION, "a component"}};
+  static constexpr cardan_state_desc states[] = {{"rate", "rad/s|m/s", 0.0, 1.0, "integral of v'"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>&, DeviceOut<T>&) noexcept {}
+  template <class T>
+  static void follow(const Packed&, const DeviceIn<T>& in, T* zdot) noexcept {
+    zdot[0] = in.at[0].vdot;
+  }
+};
+
 /// Pushes with what it is commanded, without looking.
 struct Blower {
   static constexpr const char *type = "blower", *summary = "a force";
@@ -271,6 +286,26 @@ TEST(Following, IsNotBlamedForWhatItFollows) {
   } catch (const NumericsError& e) {
     EXPECT_EQ(std::string(e.what()).find("counter"), std::string::npos) << e.what();
   }
+}
+
+/// The rate of a slide that is pulled at and bounces: what has been added up of v' is what it has changed by.
+TEST(Following, AHingeFeelsItsBounces) {
+  static const Registry own = [] {
+    Registry r = registry();
+    r.devices.add(device_table<Tachometer>());
+    return r;
+  }();
+  BodySpec slider = on(particle("slider", 2.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}});
+  slider.hinge.v = {0.3};
+  slider.hinge.loads = {{0, HingeLaw::stop, {-1.0, 0.1, 1e5, 1.0, 0.1}, {}, {0.6, 0.01}}};
+  SystemSpec spec = system({slider});
+  spec.devices = {device("on_it", "tachometer", {}, {{"at", "slider"}})};
+  Simulation sim(compile(spec, own), accurate());
+  sim.set_force(0, 0.4);
+  sim.run(1.0);
+  ASSERT_LT(sim.state().q[0], 0.1);
+  EXPECT_LT(sim.state().v[0], 0.0) << "it has come back";
+  EXPECT_NEAR(sim.state().z[0], sim.state().v[0] - 0.3, 1e-13);
 }
 
 TEST(Following, WithoutAUsableRateIsNamed) {

@@ -188,6 +188,66 @@ TEST_P(Events, HingesAreLockedAndUnlocked) {
   });
 }
 
+/// Given rates go on as they are told, and the others are the nearest beside them.
+TEST_P(Events, HingesAreLockedBesideGivenMotions) {
+  TreeOptions options = floating(GetParam());
+  options.prescribed = 0.3;
+  for_all_trees(options, kRound, [](const RandomTree& tree) {
+    double worst = 0.0;
+    for (const BodySpec& b : tree.spec.bodies) {
+      if (b.hinge.inboard_body.empty() || !b.hinge.prescribed.empty()) continue;
+      Simulation sim(compiled(tree.spec), {});
+      const Model& m = sim.model();
+      if (m.user[idx(m.find_body(b.name))].nv == 0 || std::ranges::any_of(m.user, [&m](const UserBody& u) {
+            return u.parent < 0 && std::any_of(m.prescribed.begin() + u.v, m.prescribed.begin() + u.v + u.nv, std::identity());
+          }))
+        continue;  // a given root takes momentum
+      SystemSpec next = tree.spec;
+      HingeSpec& hinge = next.bodies[idx(m.find_body(b.name))].hinge;
+      hinge.locked = true;
+      hinge.springs.clear(), hinge.loads.clear();
+      worst = worse(worst, errors_of(sim, rejoin(sim, next, registry(), {}), false).largest());
+    }
+    return worst;
+  });
+}
+
+/// A full tank on a body is a part of it.
+TEST(Rejoin, MassesOfDevicesTakePartAsThoseOfBodies) {
+  const double m_1 = 40.0, m_2 = 25.0, R = 0.3;
+  const Vector3d c_1(0.2, -0.1, 0.4), c_2(-0.6, 0.5, 0.3);
+  const Eigen::Matrix3d J_1 = Vector3d(5.0, 7.0, 8.0).asDiagonal();
+  const auto vehicle = [&](bool tank) {
+    BodySpec base = on(rigid("base", 300.0, {0.1, 0, 0.2}, diagonal({60, 80, 90})), "", "free");
+    base.hinge.v = {0.1, -0.2, 0.3, 0.5, 0.4, -0.1};
+    BodySpec arm = on(rigid("arm", m_1, c_1, J_1), "base", "ball", {}, {0.5, 0.6, 0.7});
+    arm.hinge.v = {0.4, 0.7, -0.5};
+    if (!tank) {
+      const double m = m_1 + m_2;
+      const Vector3d c = (m_1 * c_1 + m_2 * c_2) / m;
+      const auto about = [&c](double mass, const Vector3d& at) -> Eigen::Matrix3d {
+        const Vector3d d = at - c;
+        return mass * (d.squaredNorm() * Eigen::Matrix3d::Identity() - d * d.transpose());
+      };
+      arm.mass = m, arm.com = c;
+      arm.inertia_com = J_1 + about(m_1, c_1) + about(m_2, c_2) + 0.4 * m_2 * R * R * Eigen::Matrix3d::Identity();
+    }
+    SystemSpec spec = system({base, arm});
+    if (!tank) return spec;
+    DeviceSpec d = with_vector(device("tank", "tank", {{"radius", R}}, {{"at", "arm"}}), "position", c_2);
+    d.initial["propellant"] = number(m_2);
+    spec.devices = {d};
+    return spec;
+  };
+  const auto locked = [&](bool tank) {
+    Simulation sim(compiled(vehicle(tank)), {});
+    SystemSpec next = vehicle(tank);
+    next.bodies[1].hinge.locked = true;
+    return rejoin(sim, next, registry(), {}).state.v;
+  };
+  EXPECT_LE(largest(locked(true) - locked(false)), kRound);
+}
+
 /// Where P of a body is, in the frame of another one.
 Pose<double> seen_from(Simulation& sim, const std::string& body, const std::string& other, const HingeSpec& hinge) {
   const Observer& o = sim.observe();

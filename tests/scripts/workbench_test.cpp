@@ -251,6 +251,19 @@ TEST(Workbench, EachFailureOfARunIsToldAsItsOwn) {
   EXPECT_EQ(run.err.find("event \"looks\"", first + 1), std::string::npos) << run.err;
 }
 
+TEST(Workbench, APlanThatFailsIsStoppedAndMayBeginAgain) {
+  const TemporaryFolder dir;
+  fs::copy(kPendulum + "/vehicle.yaml", dir / "vehicle.yaml");
+  write(dir / "scenario.lua",
+        "vehicle 'vehicle.yaml'\n"
+        "mission { duration = '4 s', checkpoint = { period = '1 s' } }\n"
+        "plan = sequence { name = 'plan', run = function() wait '0.5 s' assert(good) end }\n");
+  const Finished run =
+      piped({"."}, "sim:run_to(2)\nplan:state()\nsim:run_to(2)\ngood = true\nplan:start()\nsim:run_to(4)\nplan:state()\n", dir.path());
+  EXPECT_EQ(run.out, "stopped\n2.0\n4.0\nended\n") << run.err;
+  EXPECT_EQ(run.err.find("internal error"), std::string::npos) << run.err;
+}
+
 TEST(Workbench, WhatIsRefusedAtTheStartIsRefusedAgain) {
   const TemporaryFolder dir;
   write(dir / "vehicle.yaml",

@@ -8,6 +8,7 @@
 #include "core/sim/outputs.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/properties/random_devices.hpp"
+#include "tests/support/mass_on_a_string.hpp"
 #include "tests/support/modal_samples.hpp"
 
 namespace cardan::test {
@@ -165,6 +166,37 @@ TEST(Adopt, CoordinatesOfModesAreCarriedWhereTheyMeanTheSame) {
   const UserBody& boom = a->user[3];
   EXPECT_EQ(map.q[static_cast<std::size_t>(boom.eta)], -1);
   EXPECT_EQ(map.q[static_cast<std::size_t>(boom.eta) + 1], b->user[3].eta + 1);
+}
+
+/// How long it is in the file tells where it begins alone: what it has become stays, and goes on by its profile.
+TEST(Adopt, ALengthThatIsGivenGoesOnFromWhereItIs) {
+  Simulation sim(compiled(mass_on_a_string({0.0, 1.5, 0.0})), ChangingScene::options("dopri5"));
+  sim.prescribe_loop("string", MotionProfile::rate_table({{0.0, 0.0}, {1.0, 0.2}}));
+  SystemSpec longer = mass_on_a_string({0.0, 1.5, 0.0});
+  longer.bodies[0].hinge.q = {1.3, 0.0, 0.0}, longer.loops[0].length = 1.3;
+  sim.every({1, 1}, [&] {
+    if (sim.time() == 1.0) sim.adopt(compiled(longer));
+  });
+  sim.run(2.0);
+  EXPECT_NEAR(sim.state().q.norm(), 1.0 + 0.1 + 0.2, 1e-12);
+}
+
+/// What is missing before another vehicle is there is missing after it, however much that has.
+TEST(Balances, WhatIsMissingStaysMissing) {
+  const auto momentum = [](double x) {
+    return Momentum{.linear = {x, 0, 0}, .angular = {0, x, 0}, .linear_magnitude = 8, .angular_magnitude = 8};
+  };
+  const auto energy = [](double x) { return Energy{.kinetic = x, .magnitude = 8}; };
+  const Balances::Integrals none = Balances::Integrals::Zero();
+  Balances balances;
+  balances.begin(momentum(4.0), energy(4.0));
+  balances.look(momentum(4.5), energy(4.5), none, none, {}, 1e-9);
+  balances.go_on(momentum(7.0), energy(7.0));
+  const LedgerState l = balances.look(momentum(7.0), energy(7.0), none, none, {}, 1e-9);
+  EXPECT_EQ(l.linear[0], 0.5);
+  EXPECT_EQ(l.angular[1], 0.5);
+  EXPECT_EQ(l.energy, 0.5);
+  EXPECT_FALSE(l.pass);
 }
 
 TEST(Adopt, ARunThatHadAnotherVehicleIsNotResumedWithOne) {
