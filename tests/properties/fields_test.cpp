@@ -878,6 +878,16 @@ TEST(FieldsOfDevices, BeyondTheirLimitsAreRefusedOrHeld) {
   EXPECT_NE(held.warnings().all()[0].what.about.find("air holds what it has at the end of what it knows (lowest)"), std::string::npos);
 }
 
+/// Above `highest` what holds is the density there.
+TEST(FieldsOfDevices, HoldAtEitherEnd) {
+  SystemSpec spec = system({satellite(6778.137e3)});
+  spec.fields = {field("air", "exponential_atmosphere", {{"density", 2e-12}, {"highest", 380e3}})};
+  spec.fields[0].hold = true;
+  spec.devices = {device("drag", "drag", {{"area", 3.0}}, {{"at", "bus"}})};
+  Simulation held(compiled(spec), {});
+  EXPECT_NEAR(held.device_output(0) / (2e-12 * std::exp(20e3 / 58.515e3)), 1.0, 1e-12);
+}
+
 TEST(Fields, ThatAreNotThereAreRefusedByName) {
   SystemSpec spec = system({satellite(7e6)});
   spec.devices = {device("rods", "magnetorquer", {{"max_moment", 30.0}}, {{"at", "bus"}})};

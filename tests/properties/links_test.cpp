@@ -181,6 +181,19 @@ TEST(Bushing, IsSmoothInTheTurn) {
   }
 }
 
+/// What a preload gives is taken from its energy: bodies at rest that it drives apart and turns keep their sum.
+TEST(Bushing, KeepsTheEnergyOfItsPreload) {
+  SystemSpec spec = system({flying("a", 2.0, {0.1, 0.2, 0.25}), flying("b", 5.0, {0.3, 0.4, 0.5})});
+  DeviceSpec d = with_vector(with_vector(bushing(), "stiffness", {30, 50, 80}), "turn_stiffness", {2, 3, 4});
+  spec.devices = {with_vector(with_vector(d, "preload", {3.0, -1.0, 2.0}), "preload_moment", {0.2, 0.5, -0.4})};
+  Simulation sim(compiled(spec), accurate());
+  const double before = sim.energy().total();
+  sim.run(0.7);
+  EXPECT_GT(sim.energy().kinetic, 0.01);
+  EXPECT_NEAR(sim.energy().total(), before, 1e-10);
+  EXPECT_TRUE(sim.ledger().pass);
+}
+
 TEST(Bushing, RefusesWhatIsNoMount) {
   const auto said = [](const DeviceSpec& d) {
     SystemSpec spec = system({flying("a", 1, {1, 1, 1}), flying("b", 1, {1, 1, 1})});
