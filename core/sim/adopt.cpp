@@ -12,8 +12,6 @@
 namespace cardan {
 namespace {
 
-constexpr double kAtRest = 1e-12;  // of the largest rate [rad/s, m/s], at least of 1: what is less is rounding of a jump
-
 [[noreturn]] void refuse_model(const std::string& path, const std::string& expected, const std::string& got) {
   refuse(Code::other_vehicle, {path}, expected, got,
          "another vehicle needs a run of its own; one that is adopted may differ in numbers, and have more");
@@ -182,10 +180,9 @@ void Simulation::take_in() {
   world_rates_ = world_rates_ || !given.empty();
   breakdown_ = {};
   bad_rate_ = -1;
-  const double still = state_.v.size() > 0 ? kAtRest * std::max(1.0, state_.v.cwiseAbs().maxCoeff()) : 0.0;
+  stop_rounding();
   for (const DeviceHold& h : model_->devices.holds) {  // what is held takes part in a jump of rates, and what slides may slide back
     const bool sticks = state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] != 0.0;
-    if (std::abs(state_.v[h.v]) <= still) state_.v[h.v] = 0.0;
     rates_were_set_ = rates_were_set_ || !sticks || state_.v[h.v] != 0.0;
   }
   changed();

@@ -23,8 +23,6 @@ bool jumps(double before, double rate, const MotionProfile& was, const MotionPro
   return std::abs(rate - before) > 1e-9 * std::max(was.largest_rate(-kEver, kEver), is.largest_rate(-kEver, kEver));
 }
 
-double pace_of(const Eigen::VectorXd& v) { return std::max(1.0, v.size() == 0 ? 0.0 : v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>()); }
-
 }  // namespace
 
 void Simulation::prescribe(int v_index, MotionProfile profile) {
@@ -125,7 +123,7 @@ void Simulation::start_lengths() {
   if (drives_.empty()) return;
   const Eigen::VectorXd rates = loop_matrix(*model_, workspace_, state_.q.data(), drives_.data()) * state_.v;
   observed_ = ledger_known_ = false;
-  const double limit = kGivenOpen * pace_of(state_.v);
+  const double limit = kGivenOpen * scale_of_rates();
   for (const Loop& loop : model_->loops.all) {
     if (loop.drive < 0) continue;
     const PrescribedLoop& p = prescribed_loops_[static_cast<std::size_t>(loop.drive)];
@@ -170,7 +168,7 @@ void Simulation::tell_near_singular(const std::string& what) {
 void Simulation::start_closed() {
   if (!loops_) return;
   breakdown_ = {};
-  const double pace = pace_of(state_.v);
+  const double scale = scale_of_rates();
   const bool struck = std::exchange(struck_by_loops_, false);
   Momentum p_before;
   Energy e_before;
@@ -189,7 +187,7 @@ void Simulation::start_closed() {
     fail(explain({}));
   }
   const double limit = std::max(kGivenOpen, kGivenDrift * options_.integrator.relative_tolerance);
-  const double open = prescribed_.empty() && drives_.empty() ? std::max(loops_->distance(), loops_->rate() / pace) : loops_->distance();
+  const double open = prescribed_.empty() && drives_.empty() ? std::max(loops_->distance(), loops_->rate() / scale) : loops_->distance();
   if (!(open <= limit)) {
     breakdown_ = {.body = 1, .value = open, .limit = limit, .row = loops_->worst()};
     keep_broken(state_.t, state_.q.data());

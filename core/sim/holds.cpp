@@ -65,7 +65,7 @@ void Simulation::stop_what_is_held() {
   const auto moves = [this](const DeviceHold& h) { return model_->prescribed[static_cast<std::size_t>(h.v)] != 0 && state_.v[h.v] != 0.0; };
   const auto& holds = model_->devices.holds;
   if (std::ranges::none_of(holds, moves)) return;
-  const double still = kStillMoves * std::max(1.0, state_.v.cwiseAbs().maxCoeff());
+  const double still = kStillMoves * scale_of_rates();
   const bool rounding = std::ranges::none_of(holds, [&](const DeviceHold& h) { return moves(h) && std::abs(state_.v[h.v]) > still; });
   const Momentum p = momentum();
   const double e = energy().total();
@@ -97,17 +97,21 @@ bool Simulation::hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way)
   return any;
 }
 
+/// A rate that a jump has left of nothing is none.
+void Simulation::stop_rounding() {
+  const double still = kAtRest * scale_of_rates();
+  for (const DeviceHold& h : model_->devices.holds)
+    if (std::abs(state_.v[h.v]) <= still) state_.v[h.v] = 0.0;
+}
+
 /// Where rates were set from outside, devices that hold begin with them as at the start. What has got a rate is not held while that is
 /// looked at: of closed loops that are held in more places than they need be nothing could be evaluated.
 void Simulation::start_holds() {
   const auto& holds = model_->devices.holds;
   if (!std::exchange(rates_were_set_, false) || !begun_ || holds.empty()) return;
-  const double still = kAtRest * std::max(1.0, state_.v.cwiseAbs().maxCoeff());
+  stop_rounding();
   for (const DeviceHold& h : holds)
-    if (std::abs(state_.v[h.v]) <= still)
-      state_.v[h.v] = 0.0;
-    else
-      state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] = 0.0;
+    if (state_.v[h.v] != 0.0) state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] = 0.0;
   changed();
   observe();
   for (const DeviceHold& h : holds) device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);

@@ -257,6 +257,10 @@ void Simulation::drive_forces(double* tau) {
     if (model_->has_given_motion(i)) tau[i] -= pushed[i];
 }
 
+double Simulation::scale_of_rates() const {
+  return std::max(1.0, state_.v.size() == 0 ? 0.0 : state_.v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
+}
+
 void Simulation::pack(double* x) const {
   x = std::copy_n(state_.q.data(), model_->nq, x);
   x = std::copy_n(state_.v.data(), model_->nv, x);

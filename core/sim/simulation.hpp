@@ -283,6 +283,8 @@ class Simulation {
   bool evaluate_twin(const double* x, double* vdot);
   void pack(double* x) const;
   void unpack(const double* x);
+  /// The largest rate [rad/s, m/s], at least 1: what is far less is rounding.
+  double scale_of_rates() const;
   void device_roots(double t, const double* x, double* g);
   void roots_of_devices();
   void pass_roots(std::size_t before);
@@ -318,6 +320,7 @@ class Simulation {
   bool anything_is_held() const;
   void break_away(std::size_t hold, int direction);
   void stop_what_is_held();
+  void stop_rounding();
   void start_holds();
   bool hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way);
   void settle_holds();
