@@ -2,6 +2,7 @@
 
 #include <erfa.h>
 
+#include <charconv>
 #include <cmath>
 #include <cstdio>
 #include <cstring>
@@ -30,22 +31,30 @@ bool begins_as(const char* pattern, const char* text) {
 /// ISO 8601, in full: 2026-11-26T12:00:00, with digits of a second behind a point.
 std::optional<Read> calendar(const char* text, const char** rest) {
   Read r;
-  int end = 0;
   if (!begins_as("0000-00-00T00:00:00", text)) return {};
-  if (std::sscanf(text, "%4d-%2d-%2dT%2d:%2d:%lf%n", &r.year, &r.month, &r.day, &r.hour, &r.minute, &r.second, &end) != 6) return {};
-  if (text[end - 1] == '.' || std::strspn(text + 17, "0123456789.") + 17 != static_cast<std::size_t>(end)) return {};  // 05e1
-  *rest = text + end;
+  std::sscanf(text, "%4d-%2d-%2dT%2d:%2d", &r.year, &r.month, &r.day, &r.hour, &r.minute);
+  const char *seconds = text + 17, *end = seconds + std::strspn(seconds, "0123456789.");
+  if (std::from_chars(seconds, end, r.second).ptr != end || end[-1] == '.') return {};
+  *rest = end;
   return r;
+}
+
+/// What stands behind the number that follows `before` and spaces; null: none does. With a point in any locale.
+const char* behind_number(const char* text, std::string_view before, double& number) {
+  if (!std::string_view(text).starts_with(before)) return nullptr;
+  text += before.size();
+  text += std::strspn(text, " ");
+  const auto [end, error] = std::from_chars(text, text + std::strlen(text), number);
+  return error == std::errc() ? end : nullptr;
 }
 
 std::optional<Read> julian(const char* text, const char** rest) {
   Read r;
   r.julian = true;
   const bool modified = text[0] == 'M';
-  int end = 0;
-  if (std::sscanf(text, modified ? "MJD %lf%n" : "JD %lf%n", &r.jd, &end) != 1) return {};
-  *rest = text + end;
-  if (int more = 0; std::sscanf(*rest, " + %lf%n", &r.fraction, &more) == 1) *rest += more;
+  *rest = behind_number(text, modified ? "MJD" : "JD", r.jd);
+  if (!*rest) return {};
+  if (const char* more = behind_number(*rest + std::strspn(*rest, " "), "+", r.fraction)) *rest = more;
   const double whole = std::floor(r.jd);
   r.fraction += r.jd - whole, r.jd = whole + (modified ? kMjd : 0.0);
   return r;

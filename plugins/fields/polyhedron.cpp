@@ -1,8 +1,8 @@
 // polyhedron: gravity of a body of one density with a surface of triangles, that turns: an asteroid by its shape (Werner, Scheeres 1997,
 // Celestial Mechanics and Dynamical Astronomy 65: exterior gravitation of a polyhedron).
 #include <array>
+#include <charconv>
 #include <cmath>
-#include <cstdlib>
 #include <limits>
 #include <map>
 #include <numbers>
@@ -48,10 +48,12 @@ struct Shape {
       std::vector<double> numbers;
       if (!letter) words.seekg(0), words.clear();
       for (std::string word; words >> word;) {
-        char* end = nullptr;
-        numbers.push_back(std::strtod(word.c_str(), &end));
-        if (*end != '\0' || !std::isfinite(numbers.back())) fault = "\"" + word + "\" in line " + std::to_string(line_number);
-        if (!fault.empty()) return s;
+        const char *from = word.data() + (word[0] == '+'), *end = word.data() + word.size();
+        numbers.push_back(std::nan(""));
+        if (std::from_chars(from, end, numbers.back()).ptr != end || !std::isfinite(numbers.back())) {
+          fault = "\"" + word + "\" in line " + std::to_string(line_number);
+          return s;
+        }
       }
       if (!letter && !counted && numbers.size() == 2 && s.corners.empty()) {
         counted = true, plain = numbers[0] >= 0.0 && numbers[0] < 1e8 ? static_cast<std::size_t>(numbers[0]) : 0;

@@ -1,6 +1,7 @@
 // Dates, the orientation of the Earth, celestial bodies; fields that go by them.
 #include "plugins/astronomy/earth.hpp"
 
+#include <clocale>
 #include <cmath>
 #include <numbers>
 #include <thread>
@@ -31,6 +32,32 @@ TEST(Dates, CountSecondsThroughALeapSecond) {
   EXPECT_NEAR(seconds_between(before->ut1, after->ut1), 3.0, 1e-9);
   EXPECT_NEAR(seconds_between(before->ut1, before->tt), 32.184 + 36.0 + 0.4, 1e-9);
   EXPECT_NEAR(seconds_between(after->ut1, after->tt), 32.184 + 37.0 - 0.6, 1e-9);
+}
+
+/// A program that links Cardan may have set a locale in which numbers have commas.
+TEST(Dates, HavePointsInAnyLocale) {
+  const auto in_scales = [] {
+    std::vector<double> all;
+    for (const char* text : {"2016-12-31T23:59:60.5", "JD 2457754.25 + 0.125 TT", "MJD 59001.5 UTC"})
+      if (const auto epoch = Epoch::of(text, 0.0)) all.push_back(epoch->tt.whole + epoch->tt.part);
+    return all;
+  };
+  const auto shape = [] {
+    const AskedField f("polyhedron", {{"mu", {1.0}}, {"rate", {0.0}}}, {},
+                       {{"shape", "v 0 0 0\nv +1.5 0 0\nv 0 .5 0\nv 0 0 1e-1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"}});
+    return f.refusal();
+  };
+  const std::vector<double> plain = in_scales();
+  EXPECT_EQ(plain.size(), 3u);
+  EXPECT_EQ(shape(), "");
+  bool any = false;
+  for (const char* name : {"de_DE.UTF-8", "de_DE.utf8", "fr_FR.UTF-8", "fr_FR.utf8"}) any = any || std::setlocale(LC_NUMERIC, name);
+  const std::vector<double> with_commas = in_scales();
+  const std::string refused = shape();
+  std::setlocale(LC_NUMERIC, "C");
+  if (!any) GTEST_SKIP() << "no locale with commas is installed here";
+  EXPECT_EQ(with_commas, plain);
+  EXPECT_EQ(refused, "");
 }
 
 TEST(Dates, AreTheSameInEveryScale) {
