@@ -14,6 +14,7 @@ namespace {
 
 constexpr double kBlocked = 1e-14;  // of the compliance of a hinge alone: what is less is rounding
 constexpr double kStill = 1e-12;    // [rad/s]: slower rates are rounding
+constexpr double kStands = 1e-6;    // of the largest rate: where what is held moves faster, rates are what rounding left of them at rest
 constexpr double kIdle = 1e-10;     // of forces on held components, and of accelerations: what is less is nothing, as a pivot of loops
 
 }  // namespace
@@ -142,7 +143,14 @@ int Holding::way_out(std::size_t hold) {
     for (std::size_t i = 0; i < probe_.size(); ++i) probe_[i] = rates[i] / most;
     return accelerate_alone(probe_.data(), 0.0, -1, 0.0) ? way(vdot_, 1.0) : 0;
   };
-  const int to = probe({use_.v, zero_.size()}, kStill);
+  const std::span<const double> rates(use_.v, zero_.size());
+  const double still = kStands * largest(rates);
+  bool goes_on = true;
+  for (std::size_t i = 0; i < forces_.size(); ++i) {
+    const auto held = static_cast<std::size_t>(model_.devices.holds[i].v);
+    goes_on = goes_on && (!forces_[i].held || std::abs(rates[held]) * in_turns_[held] <= still);
+  }
+  const int to = goes_on ? probe(rates, kStill) : 0;
   return to != 0 ? to : probe(coming, kIdle * size);
 }
 
