@@ -170,8 +170,8 @@ typedef struct cardan_device_family {
    * method starts anew there. */
   void (*roots)(const cardan_device_args*, double* g);
   /* [accepted] (optional) At a root that crossed zero (rising: +1, falling: -1), in a step or by a jump of the vehicle, and with root =
-   * n_roots at the start and where its parameters change in a run: may change z and d. A root that is exactly zero where a step begins has
-   * no side to cross from. */
+   * n_roots at the start and where its parameters change in a run, or a hinge of it is counted from another zero: may change z and d. A
+   * root that is exactly zero where a step begins has no side to cross from. */
   void (*event)(const cardan_device_args*, uint32_t root, int direction, double* z, double* d);
   /* [accepted] (optional) At the ticks of a rate that the vehicle gives, the start included: sampled parts. `noise`: n_noise independent
    * numbers of mean 0 and variance 1, a function of the seed, the name of the device and the tick. May change z and d. 0 = done. */

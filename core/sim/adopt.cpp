@@ -12,6 +12,8 @@
 namespace cardan {
 namespace {
 
+constexpr double kSameZero = 1e-5;  // [rad, m]: less is what closing a loop moves
+
 [[noreturn]] void refuse_model(const std::string& path, const std::string& expected, const std::string& got) {
   refuse(Code::other_vehicle, {path}, expected, got,
          "another vehicle needs a run of its own; one that is adopted may differ in numbers, and have more");
@@ -35,6 +37,14 @@ bool same_params(const Model& before, const Device& was, const Model& after, con
   const auto same = [](const auto& x, const auto& y) { return x.first == y.first && x.second.value == y.second.value; };
   return std::ranges::equal(before.spec->devices[static_cast<std::size_t>(was.spec)].params,
                             after.spec->devices[static_cast<std::size_t>(is.spec)].params, same);
+}
+
+/// What a device reads of a hinge is counted from the zero that it was.
+bool same_zeros(const Device& was, const Eigen::VectorXd& q_was, const Device& is, const Eigen::VectorXd& q_is) {
+  const auto at = [](const DeviceMount& m, const Eigen::VectorXd& q) { return m.q >= 0 ? q[m.q] : m.still ? m.still->q : 0.0; };
+  for (std::size_t i = 0; i < was.mounts.size(); ++i)
+    if (std::abs(at(is.mounts[i], q_is) - at(was.mounts[i], q_was)) > kSameZero) return false;
+  return true;
 }
 
 /// Which line of the model before an input with a delay goes on with; -1: none.
@@ -136,7 +146,7 @@ void Simulation::take_in() {
   own_ = next.model->changes() ? std::make_shared<Model>(*next.model) : nullptr;
   model_ = own_ ? std::shared_ptr<const Model>(own_) : next.model;
   now_ = then(now_, map, *model_);
-  state_ = std::move(next.state);
+  const Eigen::VectorXd q_was = std::exchange(state_, std::move(next.state)).q;
   of_former_models_ = statistics();
   integrator_.reset(), newton_.reset();
 
@@ -196,12 +206,13 @@ void Simulation::take_in() {
   start_holds();
   const auto found = std::ranges::count_if(map.device, [](int i) { return i >= 0; });
   if (devices_ && found < std::ssize(model_->devices.all)) start_devices(map.device);
-  // Devices of other parameters begin with them as at the start; of others what the change has carried across zero happens.
+  // Devices of other parameters, or at a hinge with another zero, begin with that as at the start; of others what the change has carried
+  // across zero happens.
   std::vector<double> roots(static_cast<std::size_t>(model_->devices.n_roots), 0.0);
   for (std::size_t i = 0; i < map.device.size(); ++i) {
     const Device &was = before->devices.all[i], &is = model_->devices.all[static_cast<std::size_t>(map.device[i])];
     const std::uint32_t n = is.family->n_roots;
-    if (same_params(*before, was, *model_, is)) {
+    if (same_params(*before, was, *model_, is) && same_zeros(was, q_was, is, state_.q)) {
       std::copy_n(roots_were.begin() + was.root, n, roots.begin() + is.root);
     } else {
       observe();

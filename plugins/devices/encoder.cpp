@@ -45,6 +45,9 @@ struct Encoder {
     d[1] = d[2] * (read - d[0]) / period;
     d[0] = read, d[3] += 1.0;
   }
+
+  /// The start, or what it reads is counted from another zero: no difference to a reading before.
+  static void event(const Packed&, const DeviceIn<double>&, std::uint32_t, int, double*, double* d) noexcept { d[2] = d[3] = 0.0; }
 };
 
 }  // namespace

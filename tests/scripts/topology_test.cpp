@@ -406,6 +406,40 @@ event { name = "opens", once = true, direction = "rising", when = function() ret
   EXPECT_EQ(told.find("opens"), std::string::npos) << told;
 }
 
+/// The difference of readings that are counted from two zeros is no rate.
+TEST(Topology, AnEncoderOfAnotherZeroBeginsAnew) {
+  constexpr const char* kSlide = R"yaml(
+cardan: 1
+bodies:
+  bus: {mass: 100 kg, inertia: [10, 12, 14], hinge: {type: free, to: world}}
+  slide: {mass: 2 kg, inertia: [0.1, 0.1, 0.1], hinge: {type: prismatic, to: bus, axis: [0, 0, 1], initial: {rate: 0.4}}}
+  guest: {mass: 20, inertia: [2, 3, 4], hinge: {type: free, to: world, initial: {position: [5, 0, 0]}}}
+devices:
+  ruler: {type: encoder, at: slide, rate: 10 Hz}
+  bent: {type: encoder, at: slide, rate: 10 Hz}
+)yaml";
+  constexpr const char* kReadings = R"lua(
+local slide = sat:hinge "slide"
+local m = persist { worst = 0, valid = 0 }
+controller { name = "look", rate = "10 Hz", step = function(t)
+  for _, name in ipairs { "ruler", "bent" } do
+    local d = sat:device(name)
+    if d:valid "rate" then m.valid, m.worst = m.valid + 1, math.max(m.worst, math.abs(d:get "rate" - slide:v())) end
+  end
+end }
+phase { name = "here", duration = 1, exit_ = function()
+  sat:attach("slide", { to = { body = "bus", position = { 0, 0, 0.3 } }, type = "prismatic", axis = { 0, 0, 1 } })
+end }
+phase { name = "there", duration = 0.5, exit_ = function() sat:change { ["devices.bent.bias"] = "1 cm" } end }
+phase { name = "bent" }
+check { name = "readings", value = function() return m.worst end, below = 1e-9 }
+check { name = "rates", value = function() return m.valid end, equal = { 2 * 60 - 3, tolerance = 0 } }
+)lua";
+  const TemporaryFolder dir;
+  const Finished run = mission(dir, kReadings, kSlide);
+  EXPECT_EQ(run.exit_code, 0) << run.err << run.out;
+}
+
 TEST(Topology, DevicesAtAHingeThatIsHeldOrGoneReadItThereAndPushNothing) {
   constexpr const char* kMotorised = R"yaml(
 cardan: 1
