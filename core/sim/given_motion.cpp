@@ -35,9 +35,21 @@ void Simulation::prescribe(int v_index, MotionProfile profile) {
   p->profile = std::move(profile);
   p->given = true;
   if (begun_) {
+    // What a rate that jumps brings in is known, and told of: it is no error of the steps.
+    const bool jumped = p->profile.rate(state_.t) != v;
+    if (jumped) ledger();  // up to here
+    const Momentum p_before = jumped ? momentum() : Momentum{};
+    const double e_before = jumped ? energy().total() : 0.0;
     Jump jump(*this);
     start_given_motion();
     changed();
+    if (jumped) {
+      const Momentum now = momentum();
+      Balances::Integrals given;
+      given << now.linear - p_before.linear, now.angular - p_before.angular, energy().total() - e_before;
+      balances_.jump(given);
+      struck_by_loops_ = true;  // others follow
+    }
     jump.end();
   }
   changed();

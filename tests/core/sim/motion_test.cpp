@@ -7,6 +7,7 @@
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/support/builders.hpp"
+#include "tests/support/four_bar.hpp"
 #include "tests/support/modal_samples.hpp"
 
 namespace cardan::test {
@@ -433,6 +434,23 @@ TEST(Prescribed, AnInitialRateThatTheProfileDoesNotHaveIsSaid) {
   ASSERT_EQ(sim.warnings().all().size(), 1u) << render(sim.warnings());
   EXPECT_EQ(sim.warnings().all()[0].what.code, Code::mission_doubt);
   EXPECT_NE(sim.warnings().all()[0].what.about.find("0.7"), std::string::npos);
+}
+
+/// What a rate that jumps in the run brings in is said once, and is no error of the steps: balances close, of what follows in loops too.
+TEST(Prescribed, ARateThatJumpsIsSaidOnce) {
+  BodySpec arm = on(rigid("arm", 10.0, {0.5, 0, 0}, diagonal({1, 2, 2})), "", "revolute", {{0, 0, 1}});
+  arm.hinge.v = {0.2};
+  const BodySpec tip = on(rigid("tip", 2.0, {0.2, 0, 0}, diagonal({0.1, 0.1, 0.1})), "arm", "revolute", {{0, 0, 1}}, {1, 0, 0});
+  for (SystemSpec spec : {system({arm, tip}, uniform_gravity({0, -9.81, 0})), four_bar("point", 0.2)}) {
+    spec.bodies[0].hinge.prescribed = {0};
+    Simulation sim(compiled(spec), by("dopri5"));
+    sim.run(0.5);
+    sim.prescribe(0, MotionProfile::hold(0.9));
+    sim.run(1.0);
+    EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
+    ASSERT_EQ(sim.warnings().all().size(), 1u) << render(sim.warnings());
+    EXPECT_EQ(sim.warnings().all()[0].what.code, Code::mission_doubt);
+  }
 }
 
 // ---- runs that do not end ----
