@@ -102,22 +102,26 @@ std::optional<Riccati> discrete_riccati(const MatrixXd& A, const MatrixXd& B, co
 }
 
 Discretised discretised(const MatrixXd& A, const MatrixXd& B, const MatrixXd& W, double dt) {
-  const Index n = A.rows(), m = B.cols();
-  MatrixXd both = MatrixXd::Zero(n + m, n + m), noise(2 * n, 2 * n);
-  both.topRows(n) << A * dt, B * dt;
-  const MatrixXd step = both.exp();
-  // Of so short a part of dt that exp(-A h), which is in it, is of size one; then of twice that, W + A W A*, up to dt.
+  const Index n = A.rows();
+  const MatrixXd one = MatrixXd::Identity(n, n);
+  // Of so short a part of dt that exp(A h) is near one and exp(-A h), which is in `noise`, of size one; then of twice that, up to dt.
   const double size = A.lpNorm<1>() * dt;
   const int doublings = size > 1.0 ? static_cast<int>(std::min(std::ceil(std::log2(size)), kMostOfDt)) : 0;
   const double h = std::ldexp(dt, -doublings);
+  MatrixXd both = MatrixXd::Zero(2 * n, 2 * n), noise(2 * n, 2 * n);
+  both.topRows(n) << A * h, one;
   noise << -A * h, W * h, MatrixXd::Zero(n, n), A.transpose() * h;
   const MatrixXd spread = noise.exp();
-  MatrixXd part = spread.bottomRightCorner(n, n).transpose(), Wd = part * spread.topRightCorner(n, n);
+  // The integral of exp(A s) over s, without the size of B, and exp(A s) - 1, in which what only adds up keeps its zeros.
+  MatrixXd sum = h * both.exp().topRightCorner(n, n), more = A * sum, part = spread.bottomRightCorner(n, n).transpose(),
+           Wd = part * spread.topRightCorner(n, n);
   for (int i = 0; i < doublings; ++i) {
+    part = one + more;
     Wd += (part * Wd * part.transpose()).eval();
-    part = (part * part).eval();
+    sum += (part * sum).eval();
+    more += (part * more).eval();
   }
-  return {step.topLeftCorner(n, n), step.topRightCorner(n, m), symmetric(Wd)};
+  return {one + more, sum * B, symmetric(Wd)};
 }
 
 }  // namespace cardan

@@ -115,6 +115,26 @@ TEST(Discretised, IsTheMotionBetweenTwoTicks) {
   EXPECT_LE((discretised(A, B, W, dt).W - 5.0 * Wd).norm(), 1e-14);
 }
 
+/// Whatever the unit of the input is, and of ticks that are long beside what is fast and of what only adds up.
+TEST(Discretised, KeepsItsDigitsAtAnyInputAndOverLongTicks) {
+  for (const double b : {1e-20, 1.0, 1e10, 1e20}) {
+    const Discretised step = discretised(-MatrixXd::Ones(1, 1), b * MatrixXd::Ones(1, 1), MatrixXd::Zero(1, 1), 0.1);
+    EXPECT_NEAR(step.A(0, 0), std::exp(-0.1), 2e-16) << b;
+    EXPECT_NEAR(step.B(0, 0) / b, -std::expm1(-0.1), 2e-16) << b;
+  }
+  MatrixXd A(3, 3), B(3, 1);
+  A << 0, 1, 0, 0, 0, 0, 0, 0, -2;
+  B << 0, 1, 6;
+  for (const double dt : {1.0, 1e3, 1e6, 1e10}) {
+    const Discretised step = discretised(A, B, MatrixXd::Zero(3, 3), dt);
+    EXPECT_EQ(step.A(1, 1), 1.0);
+    EXPECT_NEAR(step.A(0, 1) / dt, 1.0, 1e-15) << dt;
+    EXPECT_NEAR(step.B(0, 0) / (0.5 * dt * dt), 1.0, 1e-15) << dt;
+    EXPECT_NEAR(step.A(2, 2), std::exp(-2.0 * dt), 1e-15) << dt;
+    EXPECT_NEAR(step.B(2, 0), -3.0 * std::expm1(-2.0 * dt), 1e-14) << dt;
+  }
+}
+
 /// A motor that follows within a part of a tick turns a wheel: noise of density q on its rate, x'' = -a x' + w.
 TEST(Discretised, TakesNoiseThroughWhatIsFastBesideATick) {
   const double q = 0.7, T = 0.5;
