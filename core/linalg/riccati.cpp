@@ -107,12 +107,13 @@ Discretised discretised(const MatrixXd& A, const MatrixXd& B, const MatrixXd& W,
   // Of so short a part of dt that exp(A h) is near one and exp(-A h), which is in `noise`, of size one; then of twice that, up to dt.
   const double size = A.lpNorm<1>() * dt;
   const int doublings = size > 1.0 ? static_cast<int>(std::min(std::ceil(std::log2(size)), kMostOfDt)) : 0;
-  const double h = std::ldexp(dt, -doublings);
+  const double h = std::ldexp(dt, -doublings), density = W.lpNorm<Eigen::Infinity>();
   MatrixXd both = MatrixXd::Zero(2 * n, 2 * n), noise(2 * n, 2 * n);
   both.topRows(n) << A * h, one;
-  noise << -A * h, W * h, MatrixXd::Zero(n, n), A.transpose() * h;
+  noise << -A * h, W * (density > 0.0 ? h / density : 0.0), MatrixXd::Zero(n, n), A.transpose() * h;
   const MatrixXd spread = noise.exp();
-  // The integral of exp(A s) over s, without the size of B, and exp(A s) - 1, in which what only adds up keeps its zeros.
+  // Without the sizes of B and W, which would cost digits: the integral of exp(A s) over s, and exp(A s) - 1, in which what only adds up
+  // keeps its zeros.
   MatrixXd sum = h * both.exp().topRightCorner(n, n), more = A * sum, part = spread.bottomRightCorner(n, n).transpose(),
            Wd = part * spread.topRightCorner(n, n);
   for (int i = 0; i < doublings; ++i) {
@@ -121,7 +122,7 @@ Discretised discretised(const MatrixXd& A, const MatrixXd& B, const MatrixXd& W,
     sum += (part * sum).eval();
     more += (part * more).eval();
   }
-  return {one + more, sum * B, symmetric(Wd)};
+  return {one + more, sum * B, density * symmetric(Wd)};
 }
 
 }  // namespace cardan

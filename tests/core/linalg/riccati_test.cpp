@@ -118,9 +118,10 @@ TEST(Discretised, IsTheMotionBetweenTwoTicks) {
 /// Whatever the unit of the input is, and of ticks that are long beside what is fast and of what only adds up.
 TEST(Discretised, KeepsItsDigitsAtAnyInputAndOverLongTicks) {
   for (const double b : {1e-20, 1.0, 1e10, 1e20}) {
-    const Discretised step = discretised(-MatrixXd::Ones(1, 1), b * MatrixXd::Ones(1, 1), MatrixXd::Zero(1, 1), 0.1);
+    const Discretised step = discretised(-MatrixXd::Ones(1, 1), b * MatrixXd::Ones(1, 1), b * MatrixXd::Ones(1, 1), 0.1);
     EXPECT_NEAR(step.A(0, 0), std::exp(-0.1), 2e-16) << b;
     EXPECT_NEAR(step.B(0, 0) / b, -std::expm1(-0.1), 2e-16) << b;
+    EXPECT_NEAR(step.W(0, 0) / b, -0.5 * std::expm1(-0.2), 2e-16) << b;
   }
   MatrixXd A(3, 3), B(3, 1);
   A << 0, 1, 0, 0, 0, 0, 0, 0, -2;
