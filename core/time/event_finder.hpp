@@ -206,6 +206,10 @@ class EventFinder {
       if (beyond.t == kNever) continue;
       t_cross_[i] = i < first_corner_ ? locate(i, beyond, resolution, state_at)
                                       : locate(i, beyond, std::max(resolution, kCorner * (t_end - t_)), near_at);
+      if (i < first_corner_ && t_cross_[i] == t_end && parts_.size() > 1) {  // so far by what lies inside of a step alone
+        evaluate(t_end, state_at(t_end), g_);
+        if (sign(g_[i]) == sign(g_begin_[i])) g_end_[i] = g_[i], t_cross_[i] = kNever;
+      }
       first = std::min(first, t_cross_[i]);
     }
     if (first == kNever) return false;

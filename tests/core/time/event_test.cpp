@@ -1,6 +1,7 @@
 #include <limits>
 #include <numbers>
 
+#include "core/time/event_finder.hpp"
 #include "tests/core/time/problems.hpp"
 
 namespace cardan::test {
@@ -481,6 +482,24 @@ TEST_P(EveryMethodEvents, NanInAnEventFunctionEndsTheRun) {
     EXPECT_EQ(e.failure().code, Code::not_finite);
     EXPECT_EQ(e.failure().what, "event function 1 = nan");
   }
+}
+
+/// A long step is divided by states that lie inside of it, here before those of steps that end there. An event is where the latter have
+/// passed: one reported before would be met again, for ever where a step is too short to move the state.
+TEST(EventFinder, InADividedStepTheStateHasPassed) {
+  OdeProblem p;
+  p.n_roots = 1;
+  p.roots = [](double, const double* x, double* g) { g[0] = x[0]; };
+  EventFinder finder(p);
+  double x = 0.0;
+  const auto fall = [&](double t, double lead) { return x = 0.4101 * 0.4101 - t * t - lead, &x; };
+  finder.restart(0.0, fall(0.0, 0.0));
+  double t = 1.0;
+  ASSERT_TRUE(finder.find(
+      t, [&](double at) { return fall(at, 0.0); }, [&](double at) { return fall(at, 1e-3); },
+      [&](double at, double dt) { return fall(at + dt, 0.0); }, [&](double) { return x = 1.0, &x; }));
+  EXPECT_NEAR(t, 0.4101, 1e-12);
+  EXPECT_LE(*fall(t, 0.0), 0.0);
 }
 
 INSTANTIATE_TEST_SUITE_P(, EveryMethodEvents,
