@@ -44,6 +44,9 @@ void Simulation::start_anew(Archive& archive) {
 
 Checkpoint Simulation::checkpoint() {
   if (inside_) refuse_inside();
+  if (in_event_)  // what else crosses zero there is still to happen
+    refuse(Code::unsupported, {"a checkpoint in the action of an event"}, "one between steps, or in a task", "one among what happens there",
+           "a task of every() that makes it at its next tick");
   sample_devices(true);
   let_inside();
   make_integrator_once();

@@ -214,7 +214,7 @@ class Simulation {
   // Checkpoints ------------------------------------------------------------------------------------------------------
   /// Between steps, or in a task: all that the run goes on from, the tasks that are still to come at this instant included. The integrator
   /// starts anew, whether or not anybody keeps the checkpoint: a run that makes checkpoints at certain instants has the same bits after
-  /// each of them as one that is resumed there.
+  /// each of them as one that is resumed there. InputError C0401 in the action of an event.
   Checkpoint checkpoint();
   /// Before run(): goes on from a checkpoint of a simulation with the same model, options, tasks, events and wrenches. CheckpointFault
   /// where it does not fit.
@@ -568,6 +568,7 @@ class Simulation {
   }};
   bool observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
   bool rates_were_set_ = false;  // from outside, since settle_holds()
+  bool in_event_ = false;        // the action of one runs
   soa::Breakdown breakdown_;
   double t_broken_ = 0.0;                 // [s] of a row of loops: where ...
   std::vector<double> q_broken_;          // ... it was

@@ -282,7 +282,15 @@ void Simulation::handle_events(std::span<const int> crossed) {
     if (crossed[i] != 0 && (events_[i].direction == 0 || events_[i].direction == crossed[i])) {
       expect_no_storm(events_[i]);
       if (recorder_ && events_[i].noted) recorder_->note(Note::event, state_.t, {events_[i].name, crossed[i] > 0 ? "rising" : "falling"});
-      if (events_[i].action) events_[i].action();
+      if (!events_[i].action) continue;
+      const struct InEvent {
+        explicit InEvent(bool& of) : flag(of) { flag = true; }
+        ~InEvent() { flag = false; }
+        InEvent(const InEvent&) = delete;
+        InEvent& operator=(const InEvent&) = delete;
+        bool& flag;
+      } here(in_event_);
+      events_[i].action();
     }
 }
 

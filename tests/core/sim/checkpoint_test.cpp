@@ -330,6 +330,18 @@ TEST(Checkpoint, BeginsARunAsRunDoesAndWhatThatRefusesIsRefusedAgain) {
   EXPECT_EQ(sim.time(), 0.0);
 }
 
+/// What else happens at that instant would be lost to the run that is resumed.
+TEST(Checkpoint, IsRefusedInTheMidstOfEvents) {
+  Simulation sim(compiled(spacecraft()), {});
+  const auto half = [](double t, const double*, const double*) { return t - 0.5; };
+  sim.add_event({"keeps", half, 0, [&sim] { sim.checkpoint(); }});
+  sim.add_event({"comes after", half, 0, {}});
+  EXPECT_THROW(sim.run(1.0), InputError);
+  EXPECT_NO_THROW(sim.checkpoint());
+  sim.run(1.0);
+  EXPECT_EQ(sim.time(), 1.0);
+}
+
 TEST(CheckpointText, KeepsEveryBit) {
   constexpr double inf = std::numeric_limits<double>::infinity();
   Checkpoint all;
