@@ -137,6 +137,7 @@ class Sundials final : public Integrator {
     begin_stretch();
     fell_short_ = 0;
     if (!Api::multistep && t != t_) next_step_ = initial_step_, near_limit_ = 0, since_linear_ = -1;
+    if (std::exchange(had_event_, false)) since_linear_ = -1;  // as what friction holds from here on
     evaluated_ = false;
     stands_ = 0;
     std::copy_n(x, problem_.n, x_.begin());
@@ -160,7 +161,7 @@ class Sundials final : public Integrator {
         find_event(report, !Api::multistep && whole);
         if constexpr (!Api::multistep) {
           if (report.t < t_internal_ && problem_.n_quadrature > 0) integrals_inside(report.t);  // before anything is changed there
-          if (report.event) next_step_ = initial_step_;  // what acts from here on may be far shorter, as a contact is
+          if (report.event) next_step_ = initial_step_, had_event_ = true;  // what acts from here on may be far shorter, as a contact is
         }
       }
       if constexpr (Api::multistep) note_rates(report.t);
@@ -854,9 +855,10 @@ class Sundials final : public Integrator {
   static constexpr double kStable = 3.0;       // h times an eigenvalue: about where explicit methods of order 5 and 6 end
   static constexpr int kLooks = 10;            // of that at most, half of them in doubt
   int near_limit_ = 0;
-  int fell_short_ = 0;     // steps one after the other to an event that was not there
-  double last_way_ = 0.0;  // [s] to it
-  bool split_ = false;     // f into J_ (x - centre_) and the rest
+  int fell_short_ = 0;      // steps one after the other to an event that was not there
+  double last_way_ = 0.0;   // [s] to it
+  bool had_event_ = false;  // since the last restart
+  bool split_ = false;      // f into J_ (x - centre_) and the rest
   Eigen::MatrixXd J_;
   Eigen::VectorXd from_centre_, linear_part_;
   std::vector<double> centre_;
