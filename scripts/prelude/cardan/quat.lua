@@ -1,6 +1,6 @@
 local expect_three = require("cardan.arguments").expect_three
 
---- Quaternions as arrays {w, x, y, z}. q turns components in the axes of a body into components in the world:
+--- Quaternions as arrays {w, x, y, z} of length one; nothing here normalises. q turns components in the axes of a body into the world:
 --- v_world = quat.rotate(q, v_body).
 local quat = {}
 
