@@ -21,6 +21,7 @@ constexpr double kStiff = 1e3;         // decays of that rate [1/s] hold an expl
 constexpr double kFine = 1e-11;        // relative: below, an order of three is too low
 constexpr double kHighOrder = 1e-7;    // relative: below, order 8 needs half the evaluations of order 5
 constexpr double kBeside = 0.2;  // of the fastest swing: what is not linear and faster holds exponential, of order three, to as many steps
+constexpr double kLively = 0.3;  // of a radian of the fastest swing in a step of exponential: an explicit method takes several times that
 constexpr double kDense = 50.0;  // states up to which a dense Jacobian is faster
 
 }  // namespace
@@ -59,6 +60,8 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
   const FastestMotion beside = closed_form ? swing_of_devices(*model, 0.0, start) : FastestMotion{};
   if (closed_form && beside.rate <= kBeside * fastest.rate) {
     method = "exponential";
+    out.options.give_way_below = kLively / fastest.rate;
+    out.options.give_way_to = asked.relative_tolerance < kHighOrder ? "dop853" : "dopri5";
     out.why = told + often + ": it is advanced in closed form" +
               (as_commanded ? "; where a mission commands a device that ends steps (a stepper without `rate_limit`) often, dopri5 is faster"
                             : "");

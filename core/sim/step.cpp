@@ -120,6 +120,8 @@ void Simulation::step(double t_stop) {
   observed_ = ledger_known_ = false;
   if (std::exchange(ledger_asked_, false)) ledger();
   if (report.stiff) say_stiff();
+  if (recorder_ && !report.goes_on.empty())
+    recorder_->note(Note::event, state_.t, {"integrator", fmt::format("{} goes on in place of {}", report.goes_on, integrator_name())});
   doing_ = RestartCause::event;
   if (report.event) pass_crossings(report.crossed);
   // v' of a prescribed motion jumps at a corner; the history of a multi-step method is not on closed loops.

@@ -155,6 +155,8 @@ struct IntegratorOptions {
   double initial_step = 0.0;         // [s] 0 = the method's choice; adaptive methods
   double fixed_step = 0.0;           // [s] rk4, variational, variational4
   std::string linear_solver = {};    // of Newton's equations, ark_implicit and cvode_bdf only: dense (when empty), krylov; ida: sparse
+  double give_way_below = 0.0;       // [s] 0 = none; of `exponential`: where its steps are shorter on average, that of ...
+  std::string give_way_to = {};      // ... this name goes on for a while; by choose_method()
 };
 
 struct IntegratorStatistics {
@@ -199,6 +201,7 @@ struct StepReport {
   bool event = false;
   std::span<const int> crossed;  // size n_roots when event; valid until the next step
   bool stiff = false;            // explicit methods: of late stability and not accuracy has set the steps
+  std::string_view goes_on;      // the method that does from here, if it is another one
 };
 
 /// Factors of the states in a root mean square over all of them that make it the one over groups; empty for one group.

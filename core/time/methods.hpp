@@ -16,6 +16,8 @@ std::unique_ptr<Integrator> make_dopri5(OdeProblem problem, const IntegratorOpti
 /// Needs OdeProblem::linear.
 std::unique_ptr<Integrator> make_exponential(OdeProblem problem, const IntegratorOptions& options);
 /// Needs OdeProblem::linear.
+std::unique_ptr<Integrator> make_alternating(OdeProblem problem, const IntegratorOptions& options);
+/// Needs OdeProblem::linear.
 std::unique_ptr<Integrator> make_multirate(OdeProblem problem, const IntegratorOptions& options);
 /// Needs OdeProblem::extended.
 std::unique_ptr<Integrator> make_extended(OdeProblem problem, const IntegratorOptions& options);

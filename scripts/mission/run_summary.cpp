@@ -199,8 +199,11 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
         "{} steps ended at rows of the output or readings of sensors alone: output = {{ between_steps = true }} lets these lie inside of "
         "steps\n",
         looked);
-  if (!s.mission.why_method.empty())
-    text += fmt::format("{} was chosen by auto: {}\n", s.mission.simulation.integrator.method, s.mission.why_method);
+  if (!s.mission.why_method.empty()) {
+    const std::string &chosen = s.mission.simulation.integrator.method, last = s.sim->integrator_name();
+    text += fmt::format("{} was chosen by auto: {}{}\n", chosen, s.mission.why_method,
+                        last == chosen ? "" : fmt::format("; {} goes on where its steps are short", last));
+  }
   if (sum.preconditioner_setups > 0)
     text += fmt::format("{} products J v, {} preconditioners, {} linear iterations\n", sum.jacobian_products, sum.preconditioner_setups,
                         sum.linear_iterations);

@@ -3,8 +3,11 @@
 
 #include <cmath>
 #include <limits>
+#include <set>
+#include <string>
 
 #include "core/dynamics/inverse.hpp"
+#include "core/io/checkpoint_text.hpp"
 #include "core/linalg/dense.hpp"
 #include "core/sim/simulation.hpp"
 #include "core/sim/vehicle_linear_part.hpp"
@@ -461,6 +464,56 @@ TEST(Exponential, SeesWhatItsPolynomialsDoNotFollow) {
       EXPECT_LT(distance(got, wanted), 100.0 * tolerance * largest(wanted)) << model->user[0].name << " at " << tolerance;
     }
   }
+}
+
+/// What turns at the tip of a boom makes the closed form another one at each place.
+struct TurningLoad {
+  TurningLoad(const std::string& method, double relative) : sim(compiled(spec()), by_exponential(0.0, relative, method)) {
+    State s = sim.state();
+    for (int i = 0; i < sim.model().nv; ++i) s.v[i] = 0.3 * std::cos(2.0 * i);
+    sim.set_state(s);
+    sim.every({2}, [this] { made.push_back(sim.checkpoint()); });
+  }
+  static SystemSpec spec() {
+    ModalData stiff = lumped();
+    stiff.K *= 1e5;
+    BodySpec load = on(rigid("load", 0.5, {0.2, 0.05, 0.1}, diagonal({0.03, 0.05, 0.04})), "boom", "ball");
+    load.hinge.inboard_node = "tip";
+    return system({on(rigid("bus", 40.0, {0.02, -0.01, 0.05}, diagonal({8.0, 6.0, 9.0})), "", "free_body"),
+                   flexible("boom", std::move(stiff), 1, "bus", "locked", {}, {0.5, 0, 0}), load});
+  }
+  VectorXd velocities() const { return sim.state().v; }
+  Simulation sim;
+  std::vector<Checkpoint> made;
+};
+
+TEST(Exponential, GivesWayForAWhileWhereItsStepsAreShort) {
+  const double relative = 1e-8;
+  TurningLoad truth("dop853", 1e-13), alone("exponential", relative), automatic("auto", relative);
+  for (TurningLoad* run : {&truth, &alone, &automatic}) run->sim.run(20.0);
+  const IntegratorStatistics of_alone = alone.sim.statistics(), of_both = automatic.sim.statistics();
+  EXPECT_LT(2 * of_both.rhs_calls, of_alone.rhs_calls);
+  EXPECT_LT(3 * of_both.steps, of_alone.steps);
+  EXPECT_LT(distance(automatic.velocities(), truth.velocities()), 1e-4 * largest(truth.velocities()));
+  EXPECT_TRUE(automatic.sim.ledger().pass);
+  EXPECT_TRUE(automatic.sim.warnings().all().empty());
+}
+
+TEST(Exponential, GoesOnBitForBitBeforeAndAfterItGaveWay) {
+  TurningLoad whole("auto", 1e-8);
+  whole.sim.run(20.0);
+  ASSERT_EQ(whole.made.size(), 11u);
+  const std::string end = checkpoint_text(whole.sim.checkpoint());
+  std::set<std::string> methods;
+  for (const std::size_t at : {0u, 2u, 6u, 9u}) {
+    TurningLoad rest("auto", 1e-8);
+    rest.sim.resume(checkpoint_of(checkpoint_text(whole.made[at])));
+    methods.insert(rest.sim.integrator_name());
+    rest.sim.run(20.0);
+    EXPECT_TRUE(rest.sim.state().q == whole.sim.state().q && rest.sim.state().v == whole.sim.state().v) << at;
+    EXPECT_EQ(checkpoint_text(rest.sim.checkpoint()), end) << at;
+  }
+  EXPECT_EQ(methods, (std::set<std::string>{"dop853", "exponential"}));
 }
 
 /// Torques between its bodies change no momentum, whatever the error of the steps; events inside of steps too.
