@@ -207,7 +207,7 @@ class RungeKutta final : public Integrator {
         report.stiff = stiff();
       } else {
         fixed_step(t_stop);
-        if (problem_.n_quadrature > 0 && statistics_.steps % kSampled == 0) sample_error();
+        if (problem_.n_quadrature > 0 && statistics_.steps % kSampled == 1) sample_error();
         if (problem_.n_roots > 0) find_event(report);
       }
       if (problem_.n_quadrature > 0) {
@@ -255,7 +255,7 @@ class RungeKutta final : public Integrator {
 
  private:
   static constexpr int kTries = 8;         // of the first step after a start
-  static constexpr int kSampled = 8;       // steps of rk4 to each that is estimated
+  static constexpr int kSampled = 8;       // steps of rk4 to each that is estimated, the first of them
   static constexpr int kStiffness = 1000;  // steps to each whose stability is looked at
   static constexpr int kLast = Method::rows - 1, kError = Method::stages;
 

@@ -175,6 +175,15 @@ TEST(Ledger, SaysWhenABalanceDoesNotClose) {
   for (std::size_t i = 1; i < told.size(); ++i) EXPECT_NE(told[i], told[i - 1]);
 }
 
+/// Of rk4, which has no estimate of its own, one step of eight is looked at, the first of them: a short run is judged as well.
+TEST(Ledger, KnowsWhatTheFirstStepsOfRk4AreOffBy) {
+  Scene scene(by("rk4", 1e-9, 0.05), false);
+  for (int steps = 1; steps < 10; ++steps) {
+    scene.sim.run(0.05 * steps);
+    EXPECT_TRUE(scene.sim.ledger().pass) << steps;
+  }
+}
+
 /// Of a rotor out of balance that nothing accelerates steps are many turns long, and of the force of its bearing nothing is known: that is
 /// told, and is no fault.
 TEST(Ledger, HasNoVerdictWhereItsLimitIsTheSumItself) {
