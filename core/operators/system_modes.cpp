@@ -128,7 +128,8 @@ struct Vibrations {
 }
 
 /// With the stiffness of devices. In coordinates of unit mass, of stiff components s and of the others u, which K touches by the
-/// eigenvectors of devices: u = Q_1 y + Q_2 r with r strained by nothing. Then r is eliminated as momentum-free.
+/// eigenvectors of devices: u = Q_1 y + Q_2 r with r strained by nothing. What preloads of several devices leave of each other by no more
+/// than rounding, as where a tensegrity turns as a whole, belongs to r too. Then r is eliminated as momentum-free.
 Vibrations densely(const TreeOperators& tree, const Joint& J, const std::vector<DeviceStiffness>& devices, const Mass& mass,
                    const SystemModesOptions& options) {
   constexpr double kNothing = DeviceStiffness::kNothing;  // of an eigenvalue, beside what it is the sum of; of a direction, beside 1
@@ -157,7 +158,7 @@ Vibrations densely(const TreeOperators& tree, const Joint& J, const std::vector<
   const VectorXd scale = M.diagonal().cwiseSqrt().cwiseInverse();
   const auto scaled = [&](const MatrixXd& A) { return MatrixXd(scale.asDiagonal() * A * scale.asDiagonal()); };
   M = scaled(M), K = scaled(K);
-  MatrixXd strained(n_free, 0);  // what devices resist
+  MatrixXd strained(n_free, 0), magnitude = K;  // what devices resist, and the sum of how much
   // A mount where nothing moves has motions of rounding, and their squares: 1e-12 of the highest frequency, or 1e-12 rad/s, is no
   // vibration.
   double least_of_all = std::max(K.diagonal().maxCoeff<Eigen::PropagateNaN>(), 1.0);
@@ -173,6 +174,7 @@ Vibrations densely(const TreeOperators& tree, const Joint& J, const std::vector<
       if (!(std::abs(pairs.values[j]) > least)) continue;
       strained.conservativeResize(n_free, strained.cols() + 1);
       strained.rightCols(1) = pairs.vectors.col(j);
+      magnitude += std::abs(pairs.values[j]) * pairs.vectors.col(j) * pairs.vectors.col(j).transpose();
     }
   }
   MatrixXd T = MatrixXd::Identity(n_free, n_stiff), R(n_free, 0);  // what is strained, and rigid-body motions
@@ -185,6 +187,16 @@ Vibrations densely(const TreeOperators& tree, const Joint& J, const std::vector<
     T.bottomRightCorner(n_slack, rank) = directions.vectors.leftCols(rank);
     R.bottomRows(n_slack) = directions.vectors.rightCols(n_slack - rank);
   }
+  if (T.cols() > 0)
+    if (const auto shares = generalised_pairs(T.transpose() * K * T, T.transpose() * magnitude * T)) {
+      std::vector<Eigen::Index> none, some;
+      for (Eigen::Index j = 0; j < T.cols(); ++j) (std::abs(shares->values[j]) > kNothing ? some : none).push_back(j);
+      if (!none.empty()) {
+        R.conservativeResize(n_free, R.cols() + static_cast<Eigen::Index>(none.size()));
+        R.rightCols(static_cast<Eigen::Index>(none.size())) = T * shares->vectors(Eigen::all, none);
+        T = (T * shares->vectors(Eigen::all, some)).eval();
+      }
+    }
   out.n_rigid = static_cast<int>(R.cols());
   if (R.cols() > 0) {
     R = orthonormalised(R, R.transpose() * M * R);

@@ -8,6 +8,7 @@
 #include <memory>
 #include <optional>
 #include <type_traits>
+#include <vector>
 
 #include "core/reference/factor.hpp"
 #include "core/reference/quad.hpp"
@@ -32,8 +33,8 @@ constexpr double kRounded = 1e3;
 /// Roundings of attitudes, in double, by which what hangs at rest may be pulled aside: one for each body on the way, some for its axes.
 constexpr double kAside = 1e2;
 
-/// Largest |v' - v'_twin| over the largest |v'| that any one force (gravity, velocity terms, springs, modes, commands)
-/// causes by itself: v' may be small because large forces cancel, and rounding is of the size of each of them. Infinite
+/// Largest |v' - v'_twin| over the largest |v'| that any one force (gravity, velocity terms, springs, modes, commands,
+/// a device at a node) causes by itself: v' may be small because large forces cancel, and rounding is of the size of each of them. Infinite
 /// where one of them is no number or the twin finds no v'. `sound`: false where T may be too short for this mass matrix.
 template <class T>
 double difference(Simulation& sim, TwinDynamics<T>& twin, bool& sound) {
@@ -60,9 +61,9 @@ double difference(Simulation& sim, TwinDynamics<T>& twin, bool& sound) {
   const double apart = largest(vdot - twin.vdot(state, loads));
   double scale = largest(vdot);
   const VecX<T> tau = Eigen::VectorXd::Map(forces.data(), vdot.size()).template cast<T>();
-  for (const VecX<T>& force :
-       {tau, state.bias, state.gravity_force, state.elastic_force, state.hinge_force, state.external_force(twin.wrenches(state, loads))})
-    scale = std::max(scale, largest(unit.cwiseProduct(M.solve(VecX<T>(unit.cwiseProduct(force))))));
+  std::vector<VecX<T>> alone = {tau, state.bias, state.gravity_force, state.elastic_force, state.hinge_force};
+  for (const auto& wrench : twin.wrenches(state, loads)) alone.push_back(state.external_force({wrench}));
+  for (const VecX<T>& force : alone) scale = std::max(scale, largest(unit.cwiseProduct(M.solve(VecX<T>(unit.cwiseProduct(force))))));
   if (apart == 0.0) return 0.0;
   if constexpr (!std::is_same_v<T, double>) {
     // Of a vehicle that glides all of these are zero, but the twin's velocity terms are products of velocities that cancel up to rounding.

@@ -76,8 +76,8 @@ std::string modes_text(const operators::SystemModes& modes) {
     return out;
   };
   const auto n = static_cast<int>(modes.frequency.size());
-  std::string out = fmt::format("{} rigid-body and {} elastic modes, without weight and preload{}", modes.n_rigid, n - modes.first_elastic,
-                                modes.complete ? "" : "; that none was missed is not certain");
+  std::string out = fmt::format("{} rigid-body and {} elastic modes, without weight, of preload with that of devices{}", modes.n_rigid,
+                                n - modes.first_elastic, modes.complete ? "" : "; that none was missed is not certain");
   out += "\n   no      [Hz]  damping  moves (kinetic energy)                              strains";
   for (int j = 0; j < n; ++j)
     out += fmt::format("\n  {:>3}  {:>8.5g}  {:>7.4g}  {:<50}  {}", j + 1, modes.frequency[j],

@@ -156,7 +156,7 @@ assert(not ok and tostring(why):find("rank 6 of 12 rows", 1, true), tostring(why
 TEST(OperatorsInScripts, ModesSayWhatTheyAre) {
   const Finished run = slew_script(R"(
 local modes = tostring(sim:system_modes { elastic = 2 })
-assert(modes:find("10 rigid-body and 2 elastic modes, without weight and preload", 1, true), modes)
+assert(modes:find("10 rigid-body and 2 elastic modes, without weight, of preload with that of devices", 1, true), modes)
 assert(modes:find("wing_left %d+ %%") and modes:find("wing_left.eta", 1, true), modes)
 for _, pole in ipairs(sim:linearize().poles) do  -- a pole that is zero to rounding has no damping
   assert(pole.frequency > 0.1 and math.abs(pole.damping - 0.01) < 0.01 or pole.frequency < 1e-5 and pole.damping == 0)
