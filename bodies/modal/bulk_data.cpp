@@ -60,12 +60,17 @@ class BulkData {
         solid(card);
       else if (card.name == "MAT1")
         material(card);
-      else if (std::ranges::find(kNotOfTheBody, card.name) != kNotOfTheBody.end())
+      else if (std::ranges::find(kNotOfTheBody, card.name) != kNotOfTheBody.end()) {
+        if (card.name.starts_with("CORD")) system(card);
         ++passed[pass_over(card)];
-      else
+      } else
         refuse(card, "GRID, CTETRA, CHEXA, CPENTA, PSOLID and MAT1", card.name, other_card(card.name), Code::unsupported);
     }
     for (const Card* card : elements_) element(*card);
+    for (const auto& [system, card] : turned_)
+      if (!systems_.contains(system))
+        refuse(*card, "GRID whose displacements are in a system of the file", fmt::format("system {}", system),
+               "a coordinate that is longer than its field goes on in the next one");
     for (const auto& [id, elements] : weightless_) mesh_.weightless.push_back(fmt::format("MAT1 {} ({})", id, elements));
     for (const auto& [name, times] : passed) mesh_.passed_over.push_back(times == 1 ? name : fmt::format("{} ({})", name, times));
     return std::move(mesh_);
@@ -122,6 +127,11 @@ class BulkData {
       fields.erase(fields.begin()), fields.pop_back();
       if (name.empty() || name[0] == '+' || name[0] == '*') {
         if (cards_.empty()) refuse(number, "a card for the line to continue", trimmed(line));
+        // A mark begins with + or *, or as it likes where the line that follows repeats the rest of it.
+        const bool bare = mark.empty() || mark[0] == '+' || mark[0] == '*';
+        if (!bare && (mark.size() == 1 || name.empty() || name.substr(1) != mark.substr(1)))
+          refuse(number, fmt::format("the continuation {} of the line above", mark), name.empty() ? "no name" : name,
+                 fmt::format("where a number of the line above is longer than its field, {} is the end of it", mark));
         if (name.size() > 1 && mark.size() > 1 && name.substr(1) != mark.substr(1))
           refuse(number, fmt::format("the continuation {} of the line above", mark), name, "each card with its continuations behind it");
         cards_.back().fields.insert(cards_.back().fields.end(), fields.begin(), fields.end());
@@ -203,6 +213,7 @@ class BulkData {
       refuse(card, "GRID without a constraint", fmt::format("node {} with {}", number, text(card, 6)), "what is held is `root`",
              Code::unsupported);
     if (!zero(7)) refuse(card, "GRID of no superelement", text(card, 7), {}, Code::unsupported);
+    if (const int turned = zero(5) ? 0 : integer(card, 5, "the system of displacements", -1); turned > 0) turned_.emplace(turned, &card);
     if (!index_.emplace(number, static_cast<int>(mesh_.nodes.size())).second)
       refuse(card, "a node with a number of its own", fmt::format("node {} twice", number));
     Eigen::Vector3d x;
@@ -210,6 +221,12 @@ class BulkData {
     mesh_.nodes.push_back(x);
     mesh_.numbers.push_back(number);
     mesh_.lines.push_back(card.line);
+  }
+
+  /// One coordinate system, or by three nodes each two of them.
+  void system(const Card& card) {
+    systems_.insert(integer(card, 0, "the number of a coordinate system"));
+    if (card.name.starts_with("CORD1") && !text(card, 4).empty()) systems_.insert(integer(card, 4, "the number of a coordinate system"));
   }
 
   void element(const Card& card) {
@@ -294,7 +311,8 @@ class BulkData {
   SolidMesh mesh_;
   std::vector<Card> cards_;
   std::vector<const Card*> elements_;
-  std::set<int> numbers_;
+  std::set<int> numbers_, systems_;
+  std::map<int, const Card*> turned_;              // systems of displacements -> the first node in it
   std::map<int, int> index_, materials_;           // number -> index
   std::map<int, int> weightless_;                  // number of a material without density -> how many elements
   std::map<int, std::pair<int, int>> properties_;  // number -> material, line

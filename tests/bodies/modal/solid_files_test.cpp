@@ -214,6 +214,10 @@ TEST_F(SolidFiles, OfBulkDataAreRefusedWithTheirLine) {
   EXPECT_EQ(refused("a.bdf", "SOL 103\nCEND\nPARAM,WTMASS,.00259\nBEGIN BULK\n" + good).at.mark.line, 3);
   expect("INCLUDE 'other.bdf'", "INCLUDE");
   expect("GRID,200,7,1.,2.,3.", "system 7");
+  // Numbers of 17 characters in fields of 16: what is left of -5.0E-02 is -5.0E-0.
+  expect("GRID*                200                0.0000000000E+00-5.0000000000E-02*\n*       0.0000000000E+00", "*", 15);
+  expect("GRID*                200                0.0000000000E+00-5.0000000000E-02\n*       0.0000000000E+00", "*", 15);
+  expect("GRID*                200                0.000000000E+00 0.0000000000E+00*\n*       -5.0000000000E-02", "system 2");
   expect("GRID,200,,1.,2.,3.,,13", "with 13");
   expect("GRID,10,,1.,2.,3.", "node 10 twice");
   expect("GRID,200,,1.,2.,x", "X");
@@ -235,6 +239,15 @@ TEST_F(SolidFiles, OfBulkDataAreRefusedWithTheirLine) {
   expect("GRID,200,,1.,2.,3.,0,456,0,+A,5", "10");
   EXPECT_EQ(refused("b.bdf", "").got, "") << "no element: told by what makes a body of it";
   EXPECT_EQ(number_of(refused("c.bdf", "+,1,2\n").code), "C0321");
+  // A mark of any name, a blank one, and displacements in a system that is there.
+  for (const char* more : {"GRID*                200                0.0000000000E+00 0.000000000E+00ABC\n*BC      0.000000000E+00\n",
+                           "GRID*                200                0.0000000000E+00 0.000000000E+00\n*        0.000000000E+00\n",
+                           "GRID,200,,1.,2.,3.,8\nCORD2R,8,,0.,0.,0.,0.,0.,1.\n,1.,0.,0.\n", "GRID,200,,1.,2.,3.,-1\n",
+                           "GRID,200,,1.,2.,3.,8\nCORD1R,7,10,20,30,8,10,20,40\n"}) {
+    std::string text = good;
+    text.insert(text.find("ENDDATA"), more);
+    EXPECT_EQ(refused("a.bdf", text).got, "") << more;
+  }
   // Passed over, and told.
   std::string text = good;
   text.insert(
