@@ -900,7 +900,7 @@ function Operators:participation(node, direction) end
 --- Mass [kg], mass centre [m] and inertia about it [kg m^2], world axes.
 ---@return { mass: number, com: Vector, inertia: Matrix } properties
 function Operators:mass_properties() end
---- Angular [N m s] and linear [N s] momentum, world axes.
+--- Angular [N m s] and linear [N s] momentum of the bodies, world axes. What a momentum_wheel has stored is its output `momentum`.
 ---@param v Vector|number[] velocities
 ---@param about? "world"|"com" default "world"
 ---@return Vector momentum six
