@@ -11,7 +11,7 @@
 
 namespace cardan::operators {
 
-using Eigen::MatrixXd;
+using Eigen::MatrixXd, Eigen::VectorXd;
 using soa::Tangent;
 
 namespace {
@@ -89,7 +89,7 @@ std::vector<DeviceStiffness> stiffness_of_devices(const TreeOperators& tree, con
   std::vector<DeviceStiffness> out;
   for (std::size_t i = 0; i < all.size(); ++i)
     if (takes_part[i] && may_be_stiff(all[i]))
-      out.push_back({static_cast<int>(i), MatrixXd::Zero(n, n), MatrixXd::Zero(n, n), MatrixXd::Zero(n, n)});
+      out.push_back({static_cast<int>(i), MatrixXd::Zero(n, n), MatrixXd::Zero(n, n), VectorXd::Zero(n), MatrixXd::Zero(n, n)});
   if (out.empty()) return out;
 
   DeviceForces at_rest(given);
@@ -110,7 +110,7 @@ std::vector<DeviceStiffness> stiffness_of_devices(const TreeOperators& tree, con
     devices.set({given.time(), z.data(), nullptr, tau.data(), loads.data()});
     if (!devices.act(moving, in)) throw devices.fault();
   };
-  /// take(component, of - d (J* f)) for each load of a device.
+  /// take(component, of - J* f, with its derivative) for each load of a device.
   const auto resist = [&](const DeviceStiffness& of, const auto& take) {
     const Device& d = all[static_cast<std::size_t>(of.device)];
     for (std::size_t k = 0; k < d.mounts.size(); ++k) {
@@ -122,9 +122,11 @@ std::vector<DeviceStiffness> stiffness_of_devices(const TreeOperators& tree, con
       std::ranges::fill(needed, Tangent(0.0));
       inverse_dynamics(m, gathering, in, needed.data(), {.velocity = false, .gravity = false, .elastic = false}, tree.part());
       for (int w = 0; w < m.nv; ++w)
-        if (const int i = tree.place_of_velocity(w); i >= 0) take(i, needed[static_cast<std::size_t>(w)].d);
+        if (const int i = tree.place_of_velocity(w); i >= 0) take(i, needed[static_cast<std::size_t>(w)]);
     }
   };
+  look_along();
+  for (DeviceStiffness& s : out) resist(s, [&](int i, const Tangent& x) { s.push[i] -= x.x; });
   for (int w = 0; w < m.nv; ++w) {
     const int j = tree.place_of_velocity(w);
     if (j < 0) continue;
@@ -133,20 +135,20 @@ std::vector<DeviceStiffness> stiffness_of_devices(const TreeOperators& tree, con
     unit[static_cast<std::size_t>(w)] = 0.0;
     for (std::size_t i = 0; i < q.size(); ++i) q[i].d = rate[i];
     look_along();
-    for (DeviceStiffness& s : out) resist(s, [&](int i, double x) { s.K(i, j) += x; });
+    for (DeviceStiffness& s : out) resist(s, [&](int i, const Tangent& x) { s.K(i, j) += x.d; });
     for (DeviceStiffness& s : out) {
       const Device& d = all[static_cast<std::size_t>(s.device)];
       for (std::size_t k = 0; k < d.mounts.size() && !s.K.col(j).isZero(0.0); ++k) {
         devices.move_only(d.mount + static_cast<int>(k));
         look_along();
-        resist(s, [&](int i, double x) { s.size(i, j) += std::abs(x); });
+        resist(s, [&](int i, const Tangent& x) { s.size(i, j) += std::abs(x.d); });
       }
     }
     devices.move_only(-1);
     for (Tangent& x : q) x.d = 0.0;
     v[static_cast<std::size_t>(w)].d = 1.0;
     look_along();
-    for (DeviceStiffness& s : out) resist(s, [&](int i, double x) { s.C(i, j) += x; });
+    for (DeviceStiffness& s : out) resist(s, [&](int i, const Tangent& x) { s.C(i, j) += x.d; });
     v[static_cast<std::size_t>(w)].d = 0.0;
   }
   for (DeviceStiffness& s : out)

@@ -17,6 +17,7 @@ void evaluate_in(const TreeOperators& tree, DeviceForces& devices, const double*
 struct DeviceStiffness {
   int device = 0;        // index into Devices::all
   Eigen::MatrixXd K, C;  // second derivatives of the energy that it stores, with what its preload adds, and of half the power that it loses
+  Eigen::VectorXd push;  // hinge space: what it pushes with at rest
   Eigen::MatrixXd size;  // sum of |what K would be if one of its mounts alone moved|: what is small beside it is rounding
   bool is_stiff() const { return ((K.cwiseAbs() - kNothing * size).array() > 0.0).any(); }
   static constexpr double kNothing = 1e-10;

@@ -14,6 +14,7 @@
 #include "core/linalg/eigenpairs.hpp"
 #include "core/operators/apply.hpp"
 #include "core/operators/closed_system.hpp"
+#include "core/operators/following_rates.hpp"
 
 namespace cardan::operators {
 namespace {
@@ -451,6 +452,23 @@ double stiffest(const TreeOperators& tree, const Joint& J, const Mass& mass) {
   return largest;
 }
 
+/// What loops take from Y* K Y as they turn the motions Y under the preload f of devices: f* Y' along each of them, of X' v_I.
+MatrixXd turned_aside(const MatrixXd& Y, const TreeOperators& tree, const std::vector<DeviceStiffness>& devices,
+                      const SystemModesOptions& options) {
+  MatrixXd out = MatrixXd::Zero(Y.cols(), Y.cols());
+  VectorXd f = VectorXd::Zero(Y.rows());
+  for (const DeviceStiffness& d : devices) f += d.push;
+  if (f.isZero(0.0)) return out;
+  f = tree.to_model(f);
+  std::vector<VectorXd> ways;
+  for (Eigen::Index j = 0; j < Y.cols(); ++j) ways.push_back(tree.to_model(VectorXd(Y.col(j))));
+  for (Eigen::Index k = 0; k < Y.cols(); ++k) {
+    FollowingRates rates(*options.closed, tree.model(), tree.q().data(), ways[static_cast<std::size_t>(k)], options.drives);
+    for (Eigen::Index j = 0; j < Y.cols(); ++j) out(j, k) = f.dot(rates.along(ways[static_cast<std::size_t>(j)]));
+  }
+  return out;
+}
+
 /// Along the motions that closed loops leave free.
 Vibrations along(const MatrixXd& X, const TreeOperators& tree, const Joint& J, const std::vector<DeviceStiffness>& devices, bool stiff,
                  const Mass& mass, const SystemModesOptions& options) {
@@ -465,6 +483,9 @@ Vibrations along(const MatrixXd& X, const TreeOperators& tree, const Joint& J, c
   MatrixXd KY(n, free);
   for (Eigen::Index j = 0; j < free; ++j) KY.col(j) = J.times(tree, J.K, J.K_modes, Y.col(j));
   for (const DeviceStiffness& d : devices) KY += d.K * Y;
+  MatrixXd K = Y.transpose() * KY;
+  if (stiff && options.closed) K -= turned_aside(Y, tree, devices, options);
+  K = (0.5 * (K + K.transpose())).eval();
 
   Vibrations out;
   out.complete = true;
@@ -472,7 +493,7 @@ Vibrations along(const MatrixXd& X, const TreeOperators& tree, const Joint& J, c
   MatrixXd vectors;
   double nothing = 0.0;
   if (stiff) {
-    const DensePairs pairs = symmetric_pairs(0.5 * (Y.transpose() * KY + KY.transpose() * Y));
+    const DensePairs pairs = symmetric_pairs(K);
     lambda = pairs.values, vectors = pairs.vectors;
     nothing = kRigid * lambda.cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
     if (!(lambda[0] >= -nothing)) refuse_unstable();
@@ -494,7 +515,7 @@ Vibrations along(const MatrixXd& X, const TreeOperators& tree, const Joint& J, c
   out.residual.resize(taken);
   for (Eigen::Index j = 0; j < taken; ++j) {
     const VectorXd of = vectors.col(out.n_rigid + j);
-    out.residual[j] = (Y.transpose() * (KY * of) - out.lambda[j] * of).norm() / std::sqrt(out.lambda[j] * lambda[free - 1]);
+    out.residual[j] = (K * of - out.lambda[j] * of).norm() / std::sqrt(out.lambda[j] * lambda[free - 1]);
   }
   return out;
 }

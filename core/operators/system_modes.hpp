@@ -3,15 +3,18 @@
 // the stiffness of hinge springs, of the bodies' modes and of devices; matrix-free, O(N) per product, where no device has any. Gravity
 // stiffness is not in K (the linear model of linear_model.hpp has it), nor are devices with states of their own.
 #include <complex>
+#include <span>
 
 #include "core/operators/devices_of_tree.hpp"
 
 namespace cardan::operators {
 
 struct SystemModesOptions {
-  int elastic = 10;                       // how many elastic modes, lowest first
-  int rigid = 12;                         // shapes of at most so many rigid-body modes
-  const DeviceForces* devices = nullptr;  // of the model, with their marks and inputs; null: theirs is left out
+  int elastic = 10;                        // how many elastic modes, lowest first
+  int rigid = 12;                          // shapes of at most so many rigid-body modes
+  const DeviceForces* devices = nullptr;   // of the model, with their marks and inputs; null: theirs is left out
+  const Model* closed = nullptr;           // of closed_system_modes: the vehicle with its loops, along which preload of devices is turned
+  std::span<const LoopDrive> drives = {};  // of that: lengths of loops that are functions of time
 };
 
 /// Rigid-body modes first, then elastic ones with rising frequency.
@@ -42,7 +45,8 @@ struct SystemModes {
 SystemModes system_modes(const TreeOperators& tree, const SystemModesOptions& options = {});
 
 /// The same of a vehicle with closed loops: `tree` is its open tree (open_tree()), v = X y its motions (LoopFreedom::X; nv x mobility).
-/// Dense in y: frequencies are singular values of the root of K along them. Multipliers at rest, as springs preloaded, are not in K.
+/// Dense in y: frequencies are singular values of the root of K along them. Of multipliers at rest K has
+/// those that preload of devices needs (options.closed), not those of springs of hinges and of weight.
 SystemModes closed_system_modes(const TreeOperators& tree, const Eigen::MatrixXd& X, const SystemModesOptions& options = {});
 
 /// Number of eigenvalues below lambda > 0, rigid-body modes included: pivots of M - K / lambda by the articulated recursion (mathematics

@@ -380,7 +380,7 @@ Json system_modes(Simulation& sim, int elastic) {
   };
   try {
     Workspace ws(sim.model());
-    const operators::SystemModesOptions options{elastic, 0, sim.devices()};
+    const operators::SystemModesOptions options{elastic, 0, sim.devices(), &sim.model(), sim.drives()};
     const operators::SystemModes found =
         closed ? operators::closed_system_modes(tree, loop_freedom(sim.model(), ws, sim.state().q.data(), sim.drives().data()).X, options)
                : operators::system_modes(tree, options);

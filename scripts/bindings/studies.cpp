@@ -96,8 +96,9 @@ int stored_text(lua_State* L) {
 namespace {
 
 /// `X`: motions that closed loops leave free (LoopFreedom); null: there are none.
-int push_system_modes(lua_State* L, const TreeOperators& tree, const OperatingState& at, const Eigen::MatrixXd* X) {
-  operators::SystemModesOptions options{.devices = at.devices.get()};
+int push_system_modes(lua_State* L, const TreeOperators& tree, const OperatingState& at, const Eigen::MatrixXd* X,
+                      const Model* closed = nullptr, std::span<const LoopDrive> drives = {}) {
+  operators::SystemModesOptions options{.devices = at.devices.get(), .closed = closed, .drives = drives};
   if (!lua_isnoneornil(L, 2)) {
     DiagnosticSink sink;
     LuaTable table(L, 2, "system_modes", sink);
@@ -354,10 +355,11 @@ int push_modes(lua_State* L, Scenario& s) {
   require_a_state(L, s, "system_modes");
   const auto model = s.sim ? s.sim->shared_model() : s.model;
   Workspace ws(*model);
+  const std::span<const LoopDrive> drives = s.sim ? std::span<const LoopDrive>(s.sim->drives()) : std::span<const LoopDrive>();
   const Eigen::MatrixXd X = loop_freedom(*model, ws, s.q, s.sim ? s.sim->drives().data() : nullptr).X;
   TreeOperators tree(open_tree(model));
   tree.at(s.q);
-  return push_system_modes(L, tree, present_state(s), &X);
+  return push_system_modes(L, tree, present_state(s), &X, model.get(), drives);
 }
 int push_derivatives(lua_State* L, Scenario& s) {
   if (s.q) expect_away_from_centre(s.model, s.q);
