@@ -461,9 +461,14 @@ MatrixXd turned_aside(const MatrixXd& Y, const TreeOperators& tree, const std::v
   if (f.isZero(0.0)) return out;
   f = tree.to_model(f);
   std::vector<VectorXd> ways;
-  for (Eigen::Index j = 0; j < Y.cols(); ++j) ways.push_back(tree.to_model(VectorXd(Y.col(j))));
+  VectorXd some = VectorXd::Zero(f.size());  // of all at once
+  for (Eigen::Index j = 0; j < Y.cols(); ++j) {
+    ways.push_back(tree.to_model(VectorXd(Y.col(j))));
+    some += std::cos(1.0 + static_cast<double>(j)) * ways.back();
+  }
   for (Eigen::Index k = 0; k < Y.cols(); ++k) {
     FollowingRates rates(*options.closed, tree.model(), tree.q().data(), ways[static_cast<std::size_t>(k)], options.drives);
+    if (f.cwiseProduct(rates.along(some)).isZero(0.0)) continue;  // no part in loops that carry the preload
     for (Eigen::Index j = 0; j < Y.cols(); ++j) out(j, k) = f.dot(rates.along(ways[static_cast<std::size_t>(j)]));
   }
   return out;
