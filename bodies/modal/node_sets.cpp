@@ -33,7 +33,7 @@ std::vector<int> nodes_of(const FeModel& model, const NodeSet& set, const Vector
   std::vector<int> out;
   const auto once = [](std::vector<int> nodes) {
     std::ranges::sort(nodes);
-    nodes.erase(std::ranges::unique(nodes).begin(), nodes.end());
+    nodes.erase(std::unique(nodes.begin(), nodes.end()), nodes.end());
     return nodes;
   };
   if (!set.names.empty()) {

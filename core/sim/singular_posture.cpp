@@ -38,7 +38,7 @@ std::vector<double> weights(const std::vector<double>& s) {
 void Simulation::Trail::add(double t, double pivot, const std::vector<double>& x) {
   if (n > 0 && pivot >= all[0].pivot) n = 0;
   const bool instead = n > 1 && all[1].pivot < 1.3 * all[0].pivot;
-  if (!instead) std::ranges::rotate(all, all.end() - 1), n = std::min(n + 1, static_cast<int>(all.size()));
+  if (!instead) std::rotate(all.begin(), all.end() - 1, all.end()), n = std::min(n + 1, static_cast<int>(all.size()));
   all[0].t = t, all[0].pivot = pivot, all[0].x = x;
 }
 

@@ -148,7 +148,7 @@ std::string difference_table(const RunDifference& d, const std::string& first, c
   std::vector<const ComponentDifference*> worst;
   for (const ComponentDifference& c : d.components)
     if (!(c.worst.difference == 0.0) || !c.worst.pass) worst.push_back(&c);
-  std::ranges::stable_partition(worst, [](const ComponentDifference* c) { return !c->worst.pass; });
+  std::stable_partition(worst.begin(), worst.end(), [](const ComponentDifference* c) { return !c->worst.pass; });
   if (d.rows == 0) return out;
   out += fmt::format("{} of {} numbers per row differ at some of {} times\n", worst.size(), d.components.size(), d.rows);
   if (worst.empty()) return out;
