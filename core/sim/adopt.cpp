@@ -121,11 +121,6 @@ void Simulation::adopt_again(std::shared_ptr<const Model> model) {
 }
 
 void Simulation::take_in() {
-  struct Sums {
-    Momentum momentum;
-    Energy energy;
-  };
-  const auto sums = [this] { return Sums{momentum(), energy()}; };
   const bool in_run = begun_;
   if (in_run) doing_ = RestartCause::vehicle;
   keep_steps();

@@ -38,16 +38,12 @@ void Simulation::prescribe(int v_index, MotionProfile profile) {
     // What a rate that jumps brings in is known, and told of: it is no error of the steps.
     const bool jumped = p->profile.rate(state_.t) != v;
     if (jumped) ledger();  // up to here
-    const Momentum p_before = jumped ? momentum() : Momentum{};
-    const double e_before = jumped ? energy().total() : 0.0;
+    const Sums before = jumped ? sums() : Sums{};
     Jump jump(*this);
     start_given_motion();
     changed();
     if (jumped) {
-      const Momentum now = momentum();
-      Balances::Integrals given;
-      given << now.linear - p_before.linear, now.angular - p_before.angular, energy().total() - e_before;
-      balances_.jump(given);
+      balances_.jump(gained(before, sums()));
       struck_by_loops_ = true;  // others follow
     }
     jump.end();
@@ -182,10 +178,9 @@ void Simulation::start_closed() {
   breakdown_ = {};
   const double scale = scale_of_rates();
   const bool struck = std::exchange(struck_by_loops_, false);
-  Momentum p_before;
-  Energy e_before;
+  Sums before;
   std::optional<Jump> jump;
-  if (struck) ledger(), p_before = momentum(), e_before = energy(), jump.emplace(*this);
+  if (struck) ledger(), before = sums(), jump.emplace(*this);
   Eigen::Map<Eigen::VectorXd> as_given(x_.data(), model_->nq);  // packed anew after this
   as_given = state_.q;
   if (!close_loops(state_.t, state_.q.data(), state_.v.data())) fail(explain({}));
@@ -208,10 +203,7 @@ void Simulation::start_closed() {
   drifted_ = false;
   if (!struck) return;
   observed_ = ledger_known_ = false;
-  const Momentum p = momentum();
-  Balances::Integrals given;
-  given << p.linear - p_before.linear, p.angular - p_before.angular, energy().total() - e_before.total();
-  balances_.jump(given);
+  balances_.jump(gained(before, sums()));
   jump->end();
 }
 

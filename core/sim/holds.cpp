@@ -67,16 +67,12 @@ void Simulation::stop_what_is_held() {
   if (std::ranges::none_of(holds, moves)) return;
   const double still = kStillMoves * scale_of_rates();
   const bool rounding = std::ranges::none_of(holds, [&](const DeviceHold& h) { return moves(h) && std::abs(state_.v[h.v]) > still; });
-  const Momentum p = momentum();
-  const double e = energy().total();
+  const Sums before = sums();
   for (const DeviceHold& h : holds)
     if (moves(h)) state_.v[h.v] = 0.0;
   changed();
   if (!rounding) return;
-  const Momentum now = momentum();
-  Balances::Integrals off;
-  off << now.linear - p.linear, now.angular - p.angular, energy().total() - e;
-  balances_.jump(Balances::Integrals::Zero(), off.cwiseAbs());
+  balances_.jump(Balances::Integrals::Zero(), gained(before, sums()).cwiseAbs());
 }
 
 /// What closed loops do not let move because something else is held stands still, and holds as well.

@@ -85,8 +85,7 @@ void Simulation::jump(const std::string& by) {
   const std::vector<NodeWrench>& blows = impulse_.wrenches;
   const Eigen::VectorXd& hinges = impulse_.hinges;
   ledger();  // up to here
-  const Momentum p_before = momentum();
-  const Energy e_before = energy();
+  const Sums before = sums();
   Jump jump(*this);
   Balances::Integrals given = Balances::Integrals::Zero();
   const auto add_half_of_work = [&](const Observer& o) {
@@ -111,20 +110,17 @@ void Simulation::jump(const std::string& by) {
   if (!m.devices.holds.empty()) settle_holds();
 
   add_half_of_work(observe());
-  const Momentum p = momentum();
-  const Energy e = energy();
+  const Balances::Integrals changed_by = gained(before, sums());
   // Where something else holds the vehicle, the ground or a given motion, what that gives comes from outside too.
   const auto floats = [&](int root) { return m.user[static_cast<std::size_t>(root)].nv == 6; };
   const auto on_ground = [](const Loop& l) { return l.closing != Closing::coupling && (l.from.node < 0 || l.to.node < 0); };
   const bool free =
       prescribed_.empty() && drives_.empty() && std::ranges::all_of(roots_, floats) && std::ranges::none_of(m.loops.all, on_ground);
-  if (!free) given << p.linear - p_before.linear, p.angular - p_before.angular, e.total() - e_before.total();
-  balances_.jump(given);
+  balances_.jump(free ? given : changed_by);
   if (recorder_)
-    recorder_->note(
-        Note::event, state_.t,
-        {by, fmt::format("impulse: momentum {:.6g} N s, angular momentum {:.6g} N m s, energy {:+.6g} J",
-                         (p.linear - p_before.linear).norm(), (p.angular - p_before.angular).norm(), e.total() - e_before.total())});
+    recorder_->note(Note::event, state_.t,
+                    {by, fmt::format("impulse: momentum {:.6g} N s, angular momentum {:.6g} N m s, energy {:+.6g} J",
+                                     changed_by.head<3>().norm(), changed_by.segment<3>(3).norm(), changed_by[6])});
   jump.end();
 }
 
@@ -150,14 +146,10 @@ void Simulation::bounce(std::span<const int> crossed) {
   // It is beyond by what its crossing is resolved to, and would be pushed at from there on its way back.
   const auto come_back = [&](const Limit& limit) {
     ledger();  // up to here
-    const Momentum p_before = momentum();
-    const double e_before = energy().total();
+    const Sums before = sums();
     state_.q[limit.q] = limit.value;
     changed();
-    const Momentum p = momentum();
-    Balances::Integrals given;
-    given << p.linear - p_before.linear, p.angular - p_before.angular, energy().total() - e_before;
-    balances_.jump(given);
+    balances_.jump(gained(before, sums()));
   };
   for (std::size_t i = 0; i < crossed.size(); ++i) {
     const Limit& limit = limits_[i];

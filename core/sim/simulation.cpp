@@ -257,6 +257,13 @@ void Simulation::drive_forces(double* tau) {
     if (model_->has_given_motion(i)) tau[i] -= pushed[i];
 }
 
+Balances::Integrals Simulation::gained(const Sums& before, const Sums& now) {
+  Balances::Integrals out;
+  out << now.momentum.linear - before.momentum.linear, now.momentum.angular - before.momentum.angular,
+      now.energy.total() - before.energy.total();
+  return out;
+}
+
 double Simulation::scale_of_rates() const {
   return std::max(1.0, state_.v.size() == 0 ? 0.0 : state_.v.cwiseAbs().maxCoeff<Eigen::PropagateNaN>());
 }

@@ -285,6 +285,14 @@ class Simulation {
   void unpack(const double* x);
   /// The largest rate [rad/s, m/s], at least 1: what is far less is rounding.
   double scale_of_rates() const;
+  /// Of the present state: what balances weigh.
+  struct Sums {
+    Momentum momentum;
+    Energy energy;
+  };
+  Sums sums() { return {momentum(), energy()}; }
+  /// Linear momentum [N s], angular momentum about the world's origin [N m s], both in world axes, and energy [J] that came since `before`.
+  static Balances::Integrals gained(const Sums& before, const Sums& now);
   void device_roots(double t, const double* x, double* g);
   void roots_of_devices();
   void pass_roots(std::size_t before);

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <cstdio>
 #include <limits>
 #include <set>
 #include <string>
@@ -492,6 +493,7 @@ TEST(Exponential, GivesWayForAWhileWhereItsStepsAreShort) {
   TurningLoad truth("dop853", 1e-13), alone("exponential", relative), automatic("auto", relative);
   for (TurningLoad* run : {&truth, &alone, &automatic}) run->sim.run(20.0);
   const IntegratorStatistics of_alone = alone.sim.statistics(), of_both = automatic.sim.statistics();
+  std::printf("20 s at 1e-8: %ld evaluations by auto, %ld by exponential alone\n", of_both.rhs_calls, of_alone.rhs_calls);
   EXPECT_LT(2 * of_both.rhs_calls, of_alone.rhs_calls);
   EXPECT_LT(3 * of_both.steps, of_alone.steps);
   EXPECT_LT(distance(automatic.velocities(), truth.velocities()), 1e-4 * largest(truth.velocities()));
