@@ -183,8 +183,7 @@ void Simulation::take_in() {
     }
   for (NodeWrench& w : given) w.node = map.node[static_cast<std::size_t>(w.node)], wrenches_.push_back(w);
   world_rates_ = world_rates_ || !given.empty();
-  breakdown_ = {};
-  bad_rate_ = -1;
+  obstacle_.forget();
   stop_rounding();
   for (const DeviceHold& h : model_->devices.holds) {  // what is held takes part in a jump of rates, and what slides may slide back
     const bool sticks = state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] != 0.0;

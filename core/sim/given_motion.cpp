@@ -153,7 +153,7 @@ bool Simulation::close_loops(double t, double* q, double* v) {
   bool closed = false;
   drive_loops(t, std::min(t, stretch_), drives_);
   unless_thrown([&] { closed = loops_->close(q, v, drives_.data()); });
-  if (!closed) breakdown_ = loops_->breakdown(), keep_broken(t, q);
+  if (!closed) obstacle_.breakdown = loops_->breakdown(), keep_broken(t, q);
   if (closed && loops_->pivot() < nearest_.pivot) nearest_ = {loops_->pivot(), t};
   if (closed && loops_->pivot() < kNearSingular)
     tell_near_singular(fmt::format("has a scaled pivot of {:.2g}, below {:g}", loops_->pivot(), kNearSingular));
@@ -175,7 +175,7 @@ void Simulation::tell_near_singular(const std::string& what) {
 // A state that was given is closed but for rounding and typing.
 void Simulation::start_closed() {
   if (!loops_) return;
-  breakdown_ = {};
+  obstacle_.forget();
   const double scale = scale_of_rates();
   const bool struck = std::exchange(struck_by_loops_, false);
   Sums before;
@@ -188,7 +188,7 @@ void Simulation::start_closed() {
   const double moved = ((state_.q - as_given).array().abs() / as_given.array().abs().max(1.0)).maxCoeff();
   const double far = kGivenMoves * std::max(loops_->distance(), kGivenOpen);
   if (steps_ == 0 && !(moved <= far)) {
-    breakdown_ = {.body = 1, .value = loops_->distance(), .limit = loops_->distance() * far / moved, .row = loops_->worst()};
+    obstacle_.breakdown = {.body = 1, .value = loops_->distance(), .limit = loops_->distance() * far / moved, .row = loops_->worst()};
     state_.q = as_given;
     keep_broken(state_.t, state_.q.data());
     fail(explain({}));
@@ -196,7 +196,7 @@ void Simulation::start_closed() {
   const double limit = std::max(kGivenOpen, kGivenDrift * options_.integrator.relative_tolerance);
   const double open = prescribed_.empty() && drives_.empty() ? std::max(loops_->distance(), loops_->rate() / scale) : loops_->distance();
   if (!(open <= limit)) {
-    breakdown_ = {.body = 1, .value = open, .limit = limit, .row = loops_->worst()};
+    obstacle_.breakdown = {.body = 1, .value = open, .limit = limit, .row = loops_->worst()};
     keep_broken(state_.t, state_.q.data());
     fail(explain({}));
   }

@@ -67,8 +67,8 @@ void Simulation::expect_finite(const std::vector<double>& x) {
 
 /// Where loops could not be kept closed, at a state that may be a trial one.
 void Simulation::keep_broken(double t, const double* q) {
-  if (breakdown_.row < 0) return;
-  t_broken_ = t, q_broken_.assign(q, q + model_->nq), drives_broken_ = drives_;
+  if (obstacle_.breakdown.row < 0) return;
+  obstacle_.t = t, obstacle_.q.assign(q, q + model_->nq), obstacle_.drives = drives_;
 }
 
 /// What the sweeps know about a step that the integrator gave up.
@@ -85,11 +85,12 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
                    : "the vehicle is where its file says, without a place in the origin of the world, until `initial` of the mission has "
                      "given another: ask after it. Outside of what the field knows: another field, or `outside: hold` where it can hold",
             ""};
-  if (breakdown_.body != 0) {
-    RunFailure f = describe_breakdown(*model_, breakdown_, state_.t);
-    if (breakdown_.row >= 0) tell_singular_posture(*model_, breakdown_, t_broken_, q_broken_.data(), drives_broken_.data(), f);
-    if (!std::isfinite(breakdown_.value)) f.code = Code::not_finite;
-    if (!culprit_.empty()) f.hint = culprit_;
+  const Obstacle& o = obstacle_;
+  if (o.breakdown.body != 0) {
+    RunFailure f = describe_breakdown(*model_, o.breakdown, state_.t);
+    if (o.breakdown.row >= 0) tell_singular_posture(*model_, o.breakdown, o.t, o.q.data(), o.drives.data(), f);
+    if (!std::isfinite(o.breakdown.value)) f.code = Code::not_finite;
+    if (!o.culprit.empty()) f.hint = o.culprit;
     return f;
   }
   if (const FieldFault* tried = devices_ ? devices_->tried_limit() : nullptr) return beyond_a_field(*tried);
@@ -103,7 +104,7 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
             "its parameters and inputs; what it reads may be outside of what it is made for",
             ""};
   }
-  if (bad_rate_ < 0) {
+  if (o.bad_rate < 0) {
     RunFailure f = failure;
     if (f.code != Code::step_too_small || integrator_->worst() < 0) return f;
     std::string state;
@@ -113,8 +114,8 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
       f.hint = fmt::format("it comes to {} (N0107) with modes a tenth larger: {}", close->what, close->hint);
     return f;
   }
-  RunFailure f = not_finite(model_->nq + bad_rate_, vdot_bad_);
-  if (!culprit_.empty()) f.hint = culprit_;
+  RunFailure f = not_finite(model_->nq + o.bad_rate, o.vdot);
+  if (!o.culprit.empty()) f.hint = o.culprit;
   return f;
 }
 
@@ -289,7 +290,7 @@ void Simulation::expect_good_plugins() {
 
 /// A run that goes on after it has failed, perhaps from another state, is told of what comes.
 void Simulation::forget_failure() {
-  gravity_stopped_.clear(), culprit_.clear(), thrown_.clear();
+  gravity_stopped_.clear(), thrown_.clear(), obstacle_.forget();
   impulse_.by = -1;
   stretch_ = std::numeric_limits<double>::infinity();
   for (Limit& limit : limits_) limit.ahead = false;

@@ -307,8 +307,8 @@ void Simulation::diagonalise() {
                               .guard = [this](const std::function<void()>& work) { return unless_thrown(work); },
                               .broken =
                                   [this](const soa::Breakdown& breakdown, const double* q) {
-                                    breakdown_ = breakdown;
-                                    culprit_ = plugin_at_fault(*model_, q, state_.v.data());
+                                    obstacle_.breakdown = breakdown;
+                                    obstacle_.culprit = plugin_at_fault(*model_, q, state_.v.data());
                                   }});
 }
 
@@ -562,8 +562,7 @@ void Simulation::integrands(double t, const double* x, double* ydot) {
 
 const Observer& Simulation::observe() {
   if (!observed_) {
-    breakdown_ = {};
-    bad_rate_ = -1;
+    obstacle_.forget();
     std::vector<double>& x = x_given_;
     pack(x.data());
     const auto look = [&] {

@@ -577,18 +577,22 @@ class Simulation {
   bool observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
   bool rates_were_set_ = false;  // from outside, since settle_holds()
   bool in_event_ = false;        // the action of one runs
-  soa::Breakdown breakdown_;
-  double t_broken_ = 0.0;                 // [s] of a row of loops: where ...
-  std::vector<double> q_broken_;          // ... it was
-  std::vector<LoopDrive> drives_broken_;  // likewise
+  /// What stood in the way of the last evaluation that failed in a step, or as loops were closed: what explain() tells.
+  struct Obstacle {
+    soa::Breakdown breakdown;
+    double t = 0.0;         // [s] of a row of loops: where ...
+    std::vector<double> q;  // ... it was
+    std::vector<LoopDrive> drives;
+    int bad_rate = -1;    // index into v' of a value that is not finite
+    double vdot = 0.0;    // that value
+    std::string culprit;  // the plugin that gave no number there; empty: none did
+    void forget() { breakdown = {}, bad_rate = -1, culprit.clear(); }
+  } obstacle_;
   struct {
     double pivot = 1.0, t = 0.0;
-  } nearest_;              // of closed loops: to a singular posture, in the run
-  int bad_rate_ = -1;      // index into v' of a value that is not finite, in the last step
-  double vdot_bad_ = 0.0;  // that value
-  std::string culprit_;    // the plugin that gave no number there; empty: none did
-  std::string thrown_;     // what a function of a plugin threw, and whose it is
-  bool plugins_ = false;   // there are some
+  } nearest_;             // of closed loops: to a singular posture, in the run
+  std::string thrown_;    // what a function of a plugin threw, and whose it is
+  bool plugins_ = false;  // there are some
   Balances balances_;
   LedgerState ledger_;  // at the present state, if known
   bool ledger_known_ = false, warned_stiff_ = false;

@@ -90,8 +90,7 @@ void Simulation::restart() {
 // One step of the integrator towards t_stop: commands are constant, the right-hand side is smooth.
 void Simulation::step(double t_stop) {
   if (restart_) restart();
-  breakdown_ = {};
-  bad_rate_ = -1;
+  obstacle_.forget();
   drifted_ = false;
   if (momentum_ && !acted_on()) momentum_->aim(state_.q.data(), state_.v.data());
   t_evaluated_ = std::numeric_limits<double>::quiet_NaN();  // commands may be others
@@ -176,9 +175,9 @@ bool Simulation::evaluate(double t, double since, const double* x, double* vdot)
   apply_forces(t, since, q, v);
   if (devices_) devices_->set({t, v + model_->nv, state_.marks.data(), tau_total_.data(), wrenches_.data()});
   if (!forward_dynamics(*model_, workspace_, inputs(q, v), vdot, devices_.get())) {
-    breakdown_ = workspace_.breakdown;
+    obstacle_.breakdown = workspace_.breakdown;
     keep_broken(t, q);
-    culprit_ = plugin_at_fault(*model_, q, v);
+    obstacle_.culprit = plugin_at_fault(*model_, q, v);
     if (gravity_stopped_.empty()) gravity_stopped_ = told_of_gravity();
     return false;
   }
@@ -187,10 +186,10 @@ bool Simulation::evaluate(double t, double since, const double* x, double* vdot)
     if (!x_evaluated_.empty()) std::copy_n(x, x_evaluated_.size(), x_evaluated_.begin()), t_evaluated_ = t;
     return true;
   }
-  bad_rate_ = first_not_finite(vdot, model_->nv);
-  vdot_bad_ = vdot[bad_rate_];
+  obstacle_.bad_rate = first_not_finite(vdot, model_->nv);
+  obstacle_.vdot = vdot[obstacle_.bad_rate];
   if (gravity_stopped_.empty()) gravity_stopped_ = told_of_gravity();
-  culprit_ = plugin_at_fault(*model_, q, v);
+  obstacle_.culprit = plugin_at_fault(*model_, q, v);
   return false;
 }
 
