@@ -63,6 +63,13 @@ Counts counts_of(const std::vector<CampaignRun>& runs) {
 
 }  // namespace
 
+std::vector<double> Quantity::in(const std::vector<std::size_t>& some) const {
+  std::vector<double> out;
+  for (std::size_t k = 0; k < runs.size() && out.size() < some.size(); ++k)
+    if (runs[k] == some[out.size()]) out.push_back(values[k]);
+  return out.size() == some.size() ? out : std::vector<double>();
+}
+
 std::vector<Quantity> quantities_of(const std::vector<CampaignRun>& runs) {
   std::vector<Quantity> out;
   std::map<std::pair<Quantity::Kind, std::string>, std::size_t> places;
@@ -74,8 +81,9 @@ std::vector<Quantity> quantities_of(const std::vector<CampaignRun>& runs) {
     return q;
   };
   for (std::size_t i = 0; i < runs.size(); ++i) {
-    if (!runs[i].done || !runs[i].measured()) continue;
+    if (!runs[i].done) continue;
     for (const Figure& f : runs[i].drawn) take(Quantity::Kind::drawn, i, f.name, f.unit, f.value);
+    if (!runs[i].measured()) continue;
     for (const Check& c : runs[i].checks) {
       Quantity& q = take(Quantity::Kind::check, i, c.name, c.unit, c.value);
       q.limit = c.detail, q.at_least = c.least, q.at_most = c.most, q.failed += !c.pass;
@@ -90,8 +98,10 @@ std::vector<std::pair<std::size_t, double>> drivers_of(std::size_t of, const std
   std::vector<std::pair<std::size_t, double>> out;
   const auto n = static_cast<double>(all[of].values.size());
   for (std::size_t i = 0; i < all.size(); ++i) {
-    if (i == of || all[i].kind != Quantity::Kind::drawn || all[i].runs != all[of].runs || n < 3.0) continue;
-    const double r = rank_correlation(all[i].values, all[of].values);
+    if (i == of || all[i].kind != Quantity::Kind::drawn || n < 3.0) continue;
+    const std::vector<double> x = all[i].in(all[of].runs);
+    if (x.empty()) continue;
+    const double r = rank_correlation(x, all[of].values);
     if (std::abs(r) > 1.96 / std::sqrt(n - 1.0)) out.emplace_back(i, r);
   }
   std::ranges::stable_sort(out, std::ranges::greater{}, [](const auto& d) { return std::abs(d.second); });
@@ -146,10 +156,10 @@ std::string campaign_text(const std::vector<CampaignRun>& runs, const std::vecto
   if (n.run > 0) {
     out += fmt::format("\n{} of {} runs passed, {} failed", n.passed, n.run, n.failed);
     if (n.others > 0) out += fmt::format(", {} did not come to their end", n.others);
-    out +=
-        fmt::format(".\nWith {:g} % confidence {:.4g} % of all runs pass at least, and {:.4g} % stay below the largest number of a row.\n",
-                    100.0 * kConfidence, 100.0 * share_at_least(n.passed, n.run, kConfidence),
-                    100.0 * share_below_largest(n.passed + n.failed, kConfidence));
+    out += fmt::format(".\nWith {:g} % confidence {:.4g} % of all runs pass at least, and {:.4g} % {} below the largest number of a row.\n",
+                       100.0 * kConfidence, 100.0 * share_at_least(n.passed, n.run, kConfidence),
+                       100.0 * share_below_largest(n.passed + n.failed, kConfidence),
+                       n.others > 0 ? "of those that come to their end stay" : "stay");
   }
   return out;
 }

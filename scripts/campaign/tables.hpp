@@ -13,7 +13,8 @@ namespace cardan {
 
 inline constexpr double kConfidence = 0.95;  // of the bounds that are told
 
-/// A number that every measured run has: a parameter that chance sets, a check or a figure. In the order in which they were declared.
+/// A number of runs: a parameter that chance sets, of all that began, a check or a figure, of those that came to their end. In the order in
+/// which they were declared.
 struct Quantity {
   enum class Kind { drawn, check, figure } kind;
   std::string name, unit, limit;                    // limit: of a check, as it tells it
@@ -22,6 +23,8 @@ struct Quantity {
   std::vector<std::size_t> runs;                    // indices among all
   std::size_t failed = 0;                           // of a check: runs that it failed in
   Distribution distribution() const { return distribution_of(values); }
+  /// Its values in some of the runs, in ascending order; empty where one of them lacks it.
+  std::vector<double> in(const std::vector<std::size_t>& some) const;
 };
 std::vector<Quantity> quantities_of(const std::vector<CampaignRun>& runs);
 

@@ -39,11 +39,12 @@ function histogram(q) {
 /// The quantity over the parameter that it goes with most.
 function scatter(q, driver) {
   const p = quantities.find((other) => other.kind === "drawn" && other.name === driver.drawn), right = kWidth - kRight, bottom = kHeight - kBottom;
+  const at = new Map(p.seeds.map((seed, i) => [seed, p.values[i]]));
   const along = (of, from, to) => (v) => (of.most.value > of.least.value ? from + ((v - of.least.value) / (of.most.value - of.least.value)) * (to - from) : (from + to) / 2);
   const x = along(p, kLeft + 6, right - 6), y = along(q, bottom - 6, kTop + 6);
   const text = (px, py, content, anchor) => svg("text", { x: px, y: py, "text-anchor": anchor, fill: style("--muted"), "font-size": 11 }, content);
   return svg("svg", { viewBox: `0 0 ${kWidth} ${kHeight}`, role: "img", "aria-label": `${q.name} over ${p.name}`, style: "display:block;width:100%;height:auto;max-height:15rem" },
-             ...q.values.map((v, i) => svg("circle", { cx: x(p.values[i]), cy: y(v), r: 2.6, fill: style("--accent"), opacity: 0.6, class: "dot" }, svg("title", {}, `seed ${q.seeds[i]}: ${number(v)}${unitOf(q)} at ${number(p.values[i])}${unitOf(p)}`))),
+             ...q.values.map((v, i) => svg("circle", { cx: x(at.get(q.seeds[i])), cy: y(v), r: 2.6, fill: style("--accent"), opacity: 0.6, class: "dot" }, svg("title", {}, `seed ${q.seeds[i]}: ${number(v)}${unitOf(q)} at ${number(at.get(q.seeds[i]))}${unitOf(p)}`))),
              svg("path", { d: `M${kLeft} ${kTop}V${bottom}H${right}`, fill: "none", stroke: style("--line") }),
              text(kLeft - 5, kTop + 9, number(q.most.value, 3), "end"), text(kLeft - 5, bottom, number(q.least.value, 3), "end"),
              text(kLeft, bottom + 15, number(p.least.value), "start"), text(right, bottom + 15, number(p.most.value), "end"),
@@ -104,7 +105,7 @@ document.getElementById("page").append(
   element("header", element("div.title", element("h1", data.title), badge), element("div.facts", element("span", [data.scenario, data.program, `seeds ${data.first_seed} to ${last}`].join("  ·  ")), element("span.buttons", light))),
   element("dl.figures", card("passed", number(data.passed)), card("failed a check", number(data.failed)), card("did not come to their end", number(data.without_end)),
           card(`of all runs pass, with ${percent(data.confidence)} confidence`, `≥ ${percent(data.share_that_passes_at_least)}`),
-          card("of all runs stay below the largest number, likewise", `≥ ${percent(data.share_below_largest_at_least)}`),
+          card(`of all runs${data.without_end ? " that come to their end" : ""} stay below the largest number, likewise`, `≥ ${percent(data.share_below_largest_at_least)}`),
           card("processor time", ...withUnit(runs.reduce((sum, r) => sum + r.cpu_s, 0), "s"))),
   ...statistics("check", "Checks"), ...statistics("figure", "Figures"), ...bands(), ...statistics("drawn", "What chance sets"),
   element("h2", "Runs that did not pass"),
