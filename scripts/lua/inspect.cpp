@@ -88,7 +88,7 @@ std::string rows_text(lua_State* L, int array, int keys, lua_Integer n) {
       if (j > static_cast<lua_Integer>(names.size()) || names[static_cast<std::size_t>(j) - 1] != name) return end({});
       const int type = lua_rawget(L, row);
       if (type == LUA_TTABLE || type == LUA_TFUNCTION || type == LUA_TUSERDATA || type == LUA_TTHREAD) return end({});
-      lines.back().push_back(type == LUA_TNUMBER && !lua_isinteger(L, -1) ? fmt::format("{:.6g}", lua_tonumber(L, -1)) : brief(L, -1));
+      lines.back().push_back(type == LUA_TNUMBER && !lua_isinteger(L, -1) ? short_text(lua_tonumber(L, -1)) : brief(L, -1));
       lua_pop(L, 1);
     }
     if (lines.back().size() != names.size() || names.empty()) return end({});
@@ -181,6 +181,8 @@ void collect(lua_State* L, std::string_view beginning, bool methods, std::vector
 }
 
 }  // namespace
+
+std::string short_text(double x) { return std::isnan(x) ? "nan" : fmt::format("{:.6g}", x); }
 
 std::string value_text(lua_State* L, int index) {
   index = lua_absindex(L, index);

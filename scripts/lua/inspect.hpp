@@ -15,6 +15,9 @@ namespace cardan {
 /// order of `pairs`, the rest as `tostring` has it.
 std::string value_text(lua_State* L, int index);
 
+/// A number with six digits: in matrices and tables.
+std::string short_text(double x);
+
 /// What completion knows beyond the values of the script.
 struct CompletionSources {
   const ApiReference* api = nullptr;  // what calls return: sat:hinge("wheel"):

@@ -16,6 +16,7 @@
 #include "core/io/hdf5_file.hpp"
 #include "core/linalg/dense.hpp"
 #include "scripts/lua/function.hpp"
+#include "scripts/lua/inspect.hpp"
 
 namespace cardan {
 namespace {
@@ -537,7 +538,7 @@ std::string text_of(Block& b, std::size_t window) {
   for (Index i = 0; i < shown_rows; ++i) {
     lines.emplace_back();
     if (b.row_labels) lines.back().push_back(label(b.row_labels, i));
-    for (Index j = 0; j < shown_columns; ++j) lines.back().push_back(fmt::format("{:.6g}", b.map()(i, j)));
+    for (Index j = 0; j < shown_columns; ++j) lines.back().push_back(short_text(b.map()(i, j)));
   }
   std::string out = shape(b) + aligned(lines, b.row_labels != nullptr, window);
   const auto more = [&out](const char* what, Index shown, Index all) {

@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 #include <cstring>
 #include <new>
@@ -159,6 +160,9 @@ int to_string(lua_State* L) {
   return 1;
 }
 
+/// Whose sign differs between processors, and is not told.
+bool is_nan(lua_State* L, int index) { return lua_type(L, index) == LUA_TNUMBER && std::isnan(lua_tonumber(L, index)); }
+
 int print(lua_State* L) {
   const int n = lua_gettop(L);
   luaL_Buffer line;
@@ -192,8 +196,13 @@ int format(lua_State* L) {
     if (c == end) break;
     ++argument;
     if (*c == 'p') return luaL_error(L, "format '%%p' is not available to scripts: addresses differ from run to run");
-    if (*c != 's' || argument > arguments) continue;
-    push_text(L, argument);
+    if (argument > arguments) continue;
+    if (*c == 's')
+      push_text(L, argument);
+    else if (is_nan(L, argument))
+      lua_pushnumber(L, std::abs(lua_tonumber(L, argument)));
+    else
+      continue;
     lua_replace(L, argument);
   }
   return lua_tocfunction(L, lua_upvalueindex(1))(L);
@@ -294,6 +303,7 @@ std::string_view push_text(lua_State* L, int index) {
   index = lua_absindex(L, index);
   std::size_t n = 0;
   const int type = lua_type(L, index);
+  if (is_nan(L, index)) return lua_pushliteral(L, "nan");
   const bool is_plain = type == LUA_TNIL || type == LUA_TBOOLEAN || type == LUA_TNUMBER || type == LUA_TSTRING;
   if (is_plain || luaL_getmetafield(L, index, "__tostring") != LUA_TNIL) {
     if (!is_plain) lua_pop(L, 1);

@@ -32,6 +32,16 @@ TEST(LuaInspect, NumbersHaveTheDigitsThatGiveThemBack) {
   EXPECT_EQ(shown("0/0"), "nan");
 }
 
+TEST(LuaInspect, WhatIsNoNumberHasNoSign) {  // it differs between processors
+  for (const char* zero : {"0/0", "-(0/0)"}) {
+    const std::string n = zero;
+    EXPECT_EQ(shown("tostring(" + n + ")"), "nan");
+    EXPECT_EQ(shown("string.format('%s %g %d', " + n + ", " + n + ", 3)"), "nan nan 3");
+    EXPECT_EQ(shown("matrix{{" + n + "}}"), "matrix 1x1\n  nan");
+    EXPECT_EQ(shown("{{re = " + n + "}, {re = 1.5}}"), "      re\n  1  nan\n  2  1.5");
+  }
+}
+
 TEST(LuaInspect, TablesAreOneLevelDeepAndInOrder) {
   EXPECT_EQ(shown("{}"), "{}");
   EXPECT_EQ(shown("{zeta = 1, alpha = 'two', [3] = 3, 1, 2, [2.5] = true, ['end'] = 0, ['a b'] = 0}"),

@@ -5,6 +5,7 @@ local elliptic = {}
 local function means(m, m1)
   m1 = m1 or 1 - m
   if not (m >= 0 and m1 > 0) then error("elliptic: expected a parameter 0 <= m < 1, got " .. tostring(m), 3) end
+  if math.abs(m + m1 - 1) > 1e-8 then error("elliptic: expected m1 = 1 - m, got " .. tostring(m1) .. " beside m = " .. tostring(m), 3) end
   local a, c, b = { 1 }, { math.sqrt(m) }, math.sqrt(m1)
   while c[#c] > 1e-15 * a[#a] and #a < 40 do
     local mean = 0.5 * (a[#a] + b)

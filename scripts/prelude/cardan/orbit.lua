@@ -28,6 +28,7 @@ function orbit.state(elements, mu)
   local e = elements.e or 0
   expect(finite(e) and e >= 0, "orbit", "e >= 0", e)
   local p = elements.p
+  expect(not (p and elements.a), "orbit", "a or p, not both", "both")
   if not p then
     local a = elements.a
     expect(finite(a) and a * (1 - e * e) > 0, "orbit", "a > 0 of an ellipse, a < 0 of a hyperbola, p of a parabola", a)

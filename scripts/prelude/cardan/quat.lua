@@ -4,17 +4,19 @@ local expect_three = require("cardan.arguments").expect_three
 --- v_world = quat.rotate(q, v_body).
 local quat = {}
 
---- The product p q: first q, then p.
+--- The product p q, and so on: first the last of them, p at the end.
 ---@param p number[]
 ---@param q number[]
+---@param ... number[] more of them
 ---@return number[] product
-function quat.multiply(p, q)
-  return {
+function quat.multiply(p, q, ...)
+  local product = {
     p[1] * q[1] - p[2] * q[2] - p[3] * q[3] - p[4] * q[4],
     p[1] * q[2] + p[2] * q[1] + p[3] * q[4] - p[4] * q[3],
     p[1] * q[3] - p[2] * q[4] + p[3] * q[1] + p[4] * q[2],
     p[1] * q[4] + p[2] * q[3] - p[3] * q[2] + p[4] * q[1],
   }
+  return select("#", ...) > 0 and quat.multiply(product, ...) or product
 end
 
 --- The inverse rotation.

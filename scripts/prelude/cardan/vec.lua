@@ -3,14 +3,16 @@ local expect_three = require("cardan.arguments").expect_three
 --- Vectors as arrays of three numbers. Every function returns a new array.
 local vec = {}
 
---- a + b.
+--- a + b, and so on.
 ---@param a number[]
 ---@param b number[]
+---@param ... number[] more of them
 ---@return number[] sum
-function vec.add(a, b)
+function vec.add(a, b, ...)
   expect_three("vec.add", a)
   expect_three("vec.add", b)
-  return { a[1] + b[1], a[2] + b[2], a[3] + b[3] }
+  local sum = { a[1] + b[1], a[2] + b[2], a[3] + b[3] }
+  return select("#", ...) > 0 and vec.add(sum, ...) or sum
 end
 
 --- a - b.
