@@ -10,6 +10,7 @@
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/vehicle_implicit_form.hpp"
 #include "core/sim/vehicle_linear_part.hpp"
+#include "core/time/methods.hpp"
 
 namespace cardan {
 namespace {
@@ -62,9 +63,12 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
     method = "exponential";
     out.options.give_way_below = kLively / fastest.rate;
     out.options.give_way_to = asked.relative_tolerance < kHighOrder ? "dop853" : "dopri5";
-    out.why = told + often + ": it is advanced in closed form" +
-              (as_commanded ? "; where a mission commands a device that ends steps (a stepper without `rate_limit`) often, dopri5 is faster"
-                            : "");
+    out.why =
+        told + often + ": it is advanced in closed form" +
+        fmt::format("; where its steps are shorter than {:.2g} s on average, {} goes on for {} steps, the next time for twice as many",
+                    out.options.give_way_below, out.options.give_way_to, kExplicitSteps) +
+        (as_commanded ? "; where a mission commands a device that ends steps (a stepper without `rate_limit`) often, dopri5 is faster"
+                      : "");
   } else if (fastest.decays && fastest.rate > kStiff && model->spec->loops.empty()) {
     method = "cvode_bdf";
     if (model->nq + model->nv > kDense && asked.linear_solver.empty() && standard) out.options.linear_solver = "krylov";

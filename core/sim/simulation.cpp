@@ -153,9 +153,22 @@ void Simulation::take_over(const Simulation& other) {
   for (std::size_t i = 0; i < std::min(wrenches_.size(), other.wrenches_.size()); ++i) wrenches_[i].f = other.wrenches_[i].f;
 }
 
-void Simulation::every(Rational period, std::function<void()> task, Rational offset) { add_task(period, offset, std::move(task), false); }
+/// What ticks and crosses zero is counted, and kept in checkpoints, from the start on.
+void Simulation::expect_before_run(const char* what) const {
+  if (begun_)
+    refuse(Code::unsupported, {what}, "before the run begins", "after it has begun",
+           "let it be there from the start, and look whether it has anything to do");
+}
 
-void Simulation::watch(Rational period, std::function<void()> task, Rational offset) { add_task(period, offset, std::move(task), true); }
+void Simulation::every(Rational period, std::function<void()> task, Rational offset) {
+  expect_before_run("a task that is added");
+  add_task(period, offset, std::move(task), false);
+}
+
+void Simulation::watch(Rational period, std::function<void()> task, Rational offset) {
+  expect_before_run("a task that is added");
+  add_task(period, offset, std::move(task), true);
+}
 
 void Simulation::add_task(Rational period, Rational offset, std::function<void()> work, bool looks, int device) {
   schedule_.add(period, offset);
@@ -179,6 +192,7 @@ void Simulation::refuse_inside() {
 
 void Simulation::add_event(Event event) {
   if (!event.function) refuse(Code::missing_key, {"event " + event.name}, "the function whose zeros it is at", "none");
+  expect_before_run("an event that is added");
   events_.push_back(std::move(event));
   event_times_.resize(1000);
 }

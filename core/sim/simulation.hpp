@@ -113,7 +113,8 @@ class Simulation {
   /// InputError C0301 for an index that there is not, here and in all commands.
   double& q(int i) { return require_index("coordinate", i, model_->nq), changed(), state_.q[i]; }
   double& v(int i) { return require_index("velocity component", i, model_->nv), rates_were_set_ = true, changed(), state_.v[i]; }
-  /// A task that runs at every tick, in the order of these calls. Commands set by tasks hold until they are set again.
+  /// A task that runs at every tick, in the order of these calls. Commands set by tasks hold until they are set again. Before the run, as
+  /// watch(), add_event() and record(): InputError C0401 once it has begun.
   void every(Rational period, std::function<void()> task, Rational offset = {});
   /// The same of one that only looks: SimulationOptions::between_steps lets it lie inside of steps, where changing anything is refused.
   void watch(Rational period, std::function<void()> task, Rational offset = {});
@@ -344,6 +345,7 @@ class Simulation {
   void start_closed();
   bool device_events(std::span<const int> crossed);
   void sample_devices(bool late);
+  void expect_before_run(const char* what) const;
   void add_task(Rational period, Rational offset, std::function<void()> work, bool looks, int device = -1);
   bool only_looks(int device) const;
   void let_inside();

@@ -10,7 +10,7 @@ namespace {
 
 /// What swings fast may hang on how bodies stand: then the closed form is another one at each place, and its steps are shorter than those
 /// by which a method of higher order follows the swings. Once kLook steps whose length the error has set were shorter on average than
-/// `give_way_below`, `give_way_to` goes on; after kStretch steps, twice as many each time, the first one is tried again.
+/// `give_way_below`, `give_way_to` goes on; after kExplicitSteps, twice as many each time, the first one is tried again.
 class Alternating final : public Integrator {
  public:
   Alternating(OdeProblem problem, const IntegratorOptions& options) : problem_(std::move(problem)), options_(options) {
@@ -59,7 +59,8 @@ class Alternating final : public Integrator {
   void remember(Archive& archive) override {
     const bool was_explicit = explicit_;
     archive(explicit_, short_, length_, left_, stretch_, std::span(y_), std::span(error_));
-    if (archive.reading() && !(short_ >= 0 && short_ < kLook && left_ <= kLongest && stretch_ > 0 && stretch_ <= kLongest))
+    if (archive.reading() &&
+        !(short_ >= 0 && short_ < kLook && left_ <= kLongestExplicitSteps && stretch_ > 0 && stretch_ <= kLongestExplicitSteps))
       archive.wrong("counts of steps are none");
     before_.remember(archive);
     if (explicit_ != was_explicit) {
@@ -82,7 +83,6 @@ class Alternating final : public Integrator {
 
  private:
   static constexpr int kLook = 200;
-  static constexpr long kStretch = 2000, kLongest = 64'000;  // explicit steps
 
   void make() {
     IntegratorOptions options = options_;
@@ -99,7 +99,7 @@ class Alternating final : public Integrator {
     explicit_ = !explicit_;
     if (explicit_) {
       left_ = stretch_;
-      stretch_ = std::min(2 * stretch_, kLongest);
+      stretch_ = std::min(2 * stretch_, kLongestExplicitSteps);
     }
     make();
   }
@@ -112,11 +112,11 @@ class Alternating final : public Integrator {
   OdeProblem problem_;
   IntegratorOptions options_;
   std::unique_ptr<Integrator> now_;
-  bool explicit_ = false, turns_ = false;  // which one it is; the next one begins where this one is
-  int short_ = 0;                          // steps of the first one since it was looked at last ...
-  double length_ = 0.0;                    // [s] ... and their sum
-  long left_ = 0, stretch_ = kStretch;     // explicit steps until the first one is tried again; when its turn comes next
-  double t_ = 0.0;                         // [s] reached
+  bool explicit_ = false, turns_ = false;     // which one it is; the next one begins where this one is
+  int short_ = 0;                             // steps of the first one since it was looked at last ...
+  double length_ = 0.0;                       // [s] ... and their sum
+  long left_ = 0, stretch_ = kExplicitSteps;  // explicit steps until the first one is tried again; when its turn comes next
+  double t_ = 0.0;                            // [s] reached
   std::vector<double> x_;
   std::vector<double> y_, error_, y_now_, error_now_;  // integrals of those before, and what they may be off by; of this one
   IntegratorStatistics before_;

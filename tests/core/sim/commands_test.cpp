@@ -39,6 +39,24 @@ TEST(Commands, OfIndicesThatThereAreNotAreRefused) {
   EXPECT_EQ(code_of([&] { standard_outputs(sim, {.reactions = {99}, .nodes = {}}); }), "C0201");
 }
 
+// They were missed, ran eleven times at once, or made the run read beside what it keeps of events.
+TEST(Commands, TasksAndEventsAreThereBeforeTheRun) {
+  Simulation sim(compiled(system(base_with_sprung_arm())), {});
+  const auto adds = [&sim](std::vector<std::string>& codes) {
+    codes.push_back(code_of([&] { sim.every({1, 10}, [] {}); }));
+    codes.push_back(code_of([&] { sim.watch({1, 10}, [] {}); }));
+    codes.push_back(code_of([&] { sim.add_event({"late", [](double t, const double*, const double*) { return t - 0.7; }, 0, {}}); }));
+  };
+  std::vector<std::string> inside, after;
+  sim.every({1, 1}, [&] { adds(inside); });
+  sim.run(0.5);
+  adds(after);
+  EXPECT_EQ(inside, std::vector<std::string>(3, "C0401"));
+  EXPECT_EQ(after, inside);
+  sim.run(1.0);
+  EXPECT_EQ(sim.time(), 1.0);
+}
+
 // The force on a coordinate whose coefficient is one.
 TEST(Outputs, AMultiplierOfACouplingHasTheUnitThatItsRowGives) {
   const BodySpec wheel = rigid("", 1.0, Eigen::Vector3d::Zero(), Eigen::Matrix3d::Identity());
