@@ -362,6 +362,31 @@ TEST(ImportUrdf, LinksWithoutMassBecomeNodesOrPartsOfAHinge) {
   EXPECT_LE(distance(got.matrix(), want.matrix()), 1e-15);
 }
 
+// A bracket without mass turns, and the dish is fixed to it: the dish takes the hinge, which stays where the bracket has it.
+TEST(ImportUrdf, WhatIsFixedToALinkWithoutMassTakesItsHinge) {
+  const SystemSpec spec = spec_of(
+      "<robot name='r'><link name='world'/><link name='bracket'/><link name='dish'><inertial><mass value='2'/><inertia ixx='0.3' "
+      "iyy='0.4' izz='0.5'/></inertial></link>"
+      "<joint name='el' type='continuous'><parent link='world'/><child link='bracket'/><origin xyz='1 0 0.5' rpy='0.2 0 0'/><axis "
+      "xyz='0 1 1'/></joint>"
+      "<joint name='m' type='fixed'><parent link='bracket'/><child link='dish'/><origin xyz='0.3 0.1 -0.2' rpy='0 0 "
+      "0.7'/></joint></robot>");
+  ASSERT_EQ(spec.bodies.size(), 1u);
+  const HingeSpec& h = spec.bodies[0].hinge;
+  ASSERT_EQ(h.type, "revolute");
+  using A = Eigen::AngleAxisd;
+  for (const double el : {0.0, 0.6}) {
+    const Eigen::Isometry3d want = Eigen::Translation3d(1, 0, 0.5) * A(0.2, Vector3d::UnitX()) * A(el, Vector3d(0, 1, 1).normalized()) *
+                                   Eigen::Translation3d(0.3, 0.1, -0.2) * A(0.7, Vector3d::UnitZ());
+    const auto& axis = std::get<std::vector<double>>(h.params.at("axis").value);
+    Eigen::Isometry3d onode = Eigen::Isometry3d::Identity(), pnode = onode;
+    onode.linear() = h.onode_R, onode.translation() = h.onode_position;
+    pnode.linear() = h.pnode_R, pnode.translation() = h.pnode_position;
+    const Eigen::Isometry3d got = onode * A(el, Vector3d(axis[0], axis[1], axis[2]).normalized()) * pnode.inverse();
+    EXPECT_LE(distance(got.matrix(), want.matrix()), 1e-15);
+  }
+}
+
 TEST(ImportUrdf, TheLoopsOfResearchCodesCloseAFourBar) {
   const SystemSpec spec = spec_of_file("four_bar.urdf");
   ASSERT_EQ(spec.loops.size(), 1u);
@@ -441,6 +466,7 @@ TEST(ImportMjcf, ChainsOfJointsAreHingesWithTheSamePoses) {
   stops.stop_stiffness = 10.0;
   EXPECT_NEAR(spec_of_file("arm.xml", stops).find("shoulder")->hinge.loads.at(0).parameters.at(0), -100 * M_PI / 180, 1e-15)
       << "counted from ref";
+  EXPECT_NEAR(spec_of_file("arm.xml", stops).find("shoulder")->hinge.loads.at(0).parameters.at(1), 35 * M_PI / 180, 1e-15);
   EXPECT_EQ(body("hand").nodes.at(0).name, "frame");
   EXPECT_LE(distance(Vector3d(body("lens").nodes.at(0).R_BN * Vector3d::UnitZ()), Vector3d::UnitX()), 1e-15);
   // The base starts where the file has it, turned by a quarter about z.

@@ -32,6 +32,7 @@ is("whirl", "m", 4.999 / 5 * 0.5e-3 * 2.25 / math.sqrt(1.25 ^ 2 + 0.9 ^ 2), 1e-9
 -- The gear is alone with its motor until the play is through.
 local motor, gear = sat:hinge "motor", sat:hinge "gear"
 motor:torque(0.01)
+assert(motor:applied() == 0.01)
 local touch = persist {}
 event { name = "teeth", direction = "rising", once = true, when = function() return gear:angle() - math.rad(0.5) end, action = function() touch.t = mission.time() end }
 is("play is through", "s", math.sqrt(2 * math.rad(0.5) * (1e-3 + 100 * 1e-3) / 0.1), 1e-9, function() return touch.t end)
