@@ -398,6 +398,23 @@ TEST(ImportUrdf, TheLoopsOfResearchCodesCloseAFourBar) {
   EXPECT_LE(error_of(vdot, numbers({a, -a, a})), 1e-13);
 }
 
+// Its end stands on what is fixed to a body, and turned there.
+TEST(ImportUrdf, ALoopMayHoldALinkWithoutMass) {
+  const std::string inertial = "<inertial><mass value='2'/><inertia ixx='0.3' iyy='0.4' izz='0.5'/></inertial>";
+  const SystemSpec spec = spec_of("<robot name='r'><link name='world'/><link name='arm'>" + inertial + "</link><link name='claw'/>" +
+                                  "<joint name='q' type='floating'><parent link='world'/><child link='arm'/></joint>"
+                                  "<joint name='m' type='fixed'><parent link='arm'/><child link='claw'/><origin xyz='1 0 0' rpy='0 0 "
+                                  "1.5707963267948966'/></joint>"
+                                  "<loop name='l' type='fixed'><predecessor link='claw'><origin xyz='0.2 0 0' rpy='0.3 0 0'/></predecessor>"
+                                  "<successor link='world'><origin xyz='1 0.2 0'/></successor></loop></robot>");
+  ASSERT_EQ(spec.loops.size(), 1u);
+  const PlaceSpec& end = spec.loops[0].from.body.empty() ? spec.loops[0].to : spec.loops[0].from;
+  EXPECT_EQ(end.body, "arm");
+  EXPECT_LE(distance(end.position, Vector3d(1, 0.2, 0)), 1e-15);
+  using A = Eigen::AngleAxisd;
+  EXPECT_LE(distance(end.R, (A(M_PI / 2, Vector3d::UnitZ()) * A(0.3, Vector3d::UnitX())).toRotationMatrix()), 1e-15);
+}
+
 // ratio times the angles on the way to the predecessor = those on the way to the successor, from their nearest common ancestor on.
 TEST(ImportUrdf, TheCouplingsOfResearchCodesSumTheAnglesOfTheirWays) {
   std::string text = "<robot name='r'><link name='root'/>";

@@ -3,6 +3,8 @@ device { type = "lua/monitor", inputs = { one = "rad/s" }, outputs = { seen = "r
          tick = function(a) return { seen = a.one } end }
 device { type = "lua/twice", inputs = { one = "rad/s" }, outputs = { both = "rad/s" }, in_step = true,
          evaluate = function(a) return { both = 2 * a.one } end }
+device { type = "lua/pair", inputs = { a = "1", b = "1" }, outputs = { told = "1" }, in_step = true,
+         evaluate = function(a) return { told = a.a + 10 * a.b } end }
 local sat = vehicle "vehicle.yaml"
 mission { duration = "10 s", output = { rate = "10 Hz" } }
 local wheel, gyro, noisy, monitor, twice = sat:device "wheel", sat:device "gyro", sat:device "noisy", sat:device "monitor", sat:device "twice"
@@ -65,6 +67,10 @@ controller { name = "looks late", rate = "10 Hz", step = function(t)
   if k >= 7 and k < 8 then x, z = z, x end
   log.late = math.max(log.late, math.abs(z - expected) + math.abs(x))
 end }
+-- Inputs that are wired the wrong way round.
+local pair = sat:device "pair"
+pair:fault { port = "a", swap = "b" }
+check { name = "swapped inputs", value = function() return pair:get "told" end, equal = { 5 + 10 * 3, tolerance = 0 } }
 -- Faults go on in a vehicle that is compiled again: while a drift is drawn on, and while the gyro is stuck.
 for i, at in ipairs { 3.53, 5.23 } do
   event { name = "heavier " .. i, direction = "rising", when = function(t) return t - at end,
