@@ -49,6 +49,19 @@ TEST(ModalSource, OfABeam) {
   EXPECT_EQ(source.at.key_path, "modal");
 }
 
+TEST(ModalSource, OfABeamWithASectionByNumbers) {
+  const ModalSource source = read(
+      "beam: {length: 1, material: {E: 70 GPa, rho: 2700},\n  section: {area: 6 cm^2, Iy: 2e-8, Iz: 3e-8, J: 4e-8, shear_y: 0.7, "
+      "shear_z: 0.4}}\nmodes: {count: 1}\n");
+  const BeamSection& section = std::get<BeamModel>(source.model).section;
+  EXPECT_DOUBLE_EQ(section.area, 6e-4);
+  EXPECT_EQ(section.Iy, 2e-8);
+  EXPECT_EQ(section.Iz, 3e-8);
+  EXPECT_EQ(section.J, 4e-8);
+  EXPECT_EQ(section.shear_y, 0.7);
+  EXPECT_EQ(section.shear_z, 0.4);
+}
+
 TEST(ModalSource, AnEmptyRootIsRefused) {
   const auto with = [](const std::string& root) {
     return read("matrices: {nodes: n.csv, mass: m.mtx, stiffness: k.mtx, root: " + root + "}\nmodes: {count: 2}\n");
