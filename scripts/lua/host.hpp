@@ -82,8 +82,15 @@ class LuaHost {
   /// Pushes a function (inside protect); it is kept until the host ends, so this is for set-up.
   void push(lua_State* L, Binding function, bool taped = true);
 
-  /// Null: none, as at first. Returns the one before.
-  Tape* set_tape(Tape* tape) { return std::exchange(tape_, tape); }
+  /// While it lives this tape is told; null: none, as at first.
+  struct Taping {
+    Taping(LuaHost& of, Tape* tape) : host(of), before(std::exchange(of.tape_, tape)) {}
+    ~Taping() { host.tape_ = before; }
+    Taping(const Taping&) = delete;
+    Taping& operator=(const Taping&) = delete;
+    LuaHost& host;
+    Tape* before;
+  };
   bool is_played() const { return tape_ && tape_->is_played(); }
   /// Inside protect: goes on with a coroutine on whose stack its function, or what its yield returns, has n arguments. True: it has
   /// yielded, and gave nothing; false: it has ended. What goes wrong in it is told with its own stack.

@@ -22,15 +22,6 @@ struct Meanwhile {
   T& what;
   T before;
 };
-struct Taping {
-  Taping(LuaHost& of, LuaHost::Tape* tape) : host(of), before(of.set_tape(tape)) {}
-  ~Taping() { host.set_tape(before); }
-  Taping(const Taping&) = delete;
-  Taping& operator=(const Taping&) = delete;
-  LuaHost& host;
-  LuaHost::Tape* before;
-};
-
 std::string place_text(const SourceMark& mark) { return fmt::format("{}:{}", mark.file.substr(mark.file.rfind('/') + 1), mark.line); }
 
 }  // namespace
@@ -93,7 +84,7 @@ bool Sequences::at_once(Sequence& me, const std::function<bool()>& look) {
 }
 
 double Sequences::look(lua_State* L, int index, bool located) {
-  const Taping none(s_.lua, nullptr);
+  const LuaHost::Taping none(s_.lua, nullptr);
   const Meanwhile trial(s_.in_event_function, located);
   s_.trial_time = s_.sim->time();
   luaL_checkstack(L, LUA_MINSTACK, nullptr);
@@ -309,7 +300,7 @@ bool Sequences::advance(Sequence& me, std::optional<bool> answer) {
     s_.lua.protect(
         [&](lua_State* L) {
           const Meanwhile running(running_, &me);
-          const Taping taping(s_.lua, played_ || keeps_ ? this : nullptr);
+          const LuaHost::Taping taping(s_.lua, played_ || keeps_ ? this : nullptr);
           if (answer) lua_pushboolean(me.coroutine_, *answer);
           yielded = s_.lua.resume(L, me.coroutine_, answer ? 1 : 0);
           if (yielded && me.state == State::running)
@@ -370,7 +361,7 @@ void Sequences::lose(Sequence& me, std::string why) {
 /// What a sequence asks the vehicle for and tells it.
 int Sequences::call(lua_State* L, lua_CFunction function) {
   Sequence& me = *running_;
-  const Taping none(s_.lua, nullptr);
+  const LuaHost::Taping none(s_.lua, nullptr);
   if (played_) {
     if (at_ == played_->calls.size()) throw CheckpointFault("it asks for more than it was given");
     const Sequence::Call& given = played_->calls[at_++];

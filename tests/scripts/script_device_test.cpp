@@ -44,6 +44,17 @@ TEST(ScriptDevices, AreSampledHeldAndResumed) {
   EXPECT_EQ(same.exit_code, 0) << same.out << same.err;
 }
 
+/// Lines of its trial, with numbers that are made up, stood before those of the run.
+TEST(ScriptDevices, PrintInTheRunAlone) {
+  const TemporaryFolder dir;
+  const Finished done =
+      run(dir, "  clock: {type: lua/clock, rate: 1 Hz}\n",
+          "device { type = 'lua/clock', outputs = { now = 's' }, tick = function(a) print('at', a.t) return { now = a.t } end }",
+          "mission { duration = 2 }\n", {"run", ".", "--no-report", "--out", "out"});
+  EXPECT_EQ(done.exit_code, 0) << done.err;
+  EXPECT_EQ(done.out.substr(0, done.out.find("\n\n")), "at\t0.0\nat\t1.0\nat\t2.0") << done.out;
+}
+
 /// As the page has it, with the device that its last line describes.
 TEST(ScriptDevices, TheOneOfTheDocumentsRuns) {
   const std::string page = file_text(CARDAN_SOURCE_DIR "/docs/scenario_lua.md");
