@@ -1,3 +1,5 @@
+local expect_three = require("cardan.arguments").expect_three
+
 --- Sharing a body torque among actuators with fixed axes.
 local allocation = {}
 
@@ -8,6 +10,7 @@ local allocation = {}
 function allocation.least_norm(axes)
   local m = { { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 } } -- A A'
   for _, a in ipairs(axes) do
+    expect_three("allocation.least_norm", a)
     for i = 1, 3 do
       for j = 1, 3 do m[i][j] = m[i][j] + a[i] * a[j] end
     end
@@ -26,6 +29,7 @@ function allocation.least_norm(axes)
     end
   end
   return function(torque)
+    expect_three("allocation.least_norm", torque)
     local u = {}
     for k, s in ipairs(shares) do u[k] = s[1] * torque[1] + s[2] * torque[2] + s[3] * torque[3] end
     return u

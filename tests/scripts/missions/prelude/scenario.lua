@@ -33,6 +33,10 @@ for i, u in ipairs(shares) do sum = vec.add(sum, vec.scale(u, axes[i])) end
 near("shares add up to the torque", sum, torque)
 local small = { { 1e-5 * c, 1e-5 * c, 0 }, { 0, 2e-5, 0 }, { 0, 0, 1e-5 } }
 near("small actuators give more", vec.scale(1e-5, allocation.least_norm(small)(torque)), { 1 / c, -1.5, 3 })
+for _, wrong in ipairs { { axes, { 1, 2, 3, 4 } }, { { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1, 0 } }, { 1, 2, 3 } } } do
+  local good, told = pcall(function() return allocation.least_norm(wrong[1])(wrong[2]) end)
+  assert(not good and told:find("allocation.least_norm: expected three numbers, got 4", 1, true), told)
+end
 near("shares do not fight each other", { shares[1] - shares[2] + shares[3] - shares[4] }, { 0 })
 -- K and sn, cn, dn by mpmath 1.3 in 30 digits; near m = 1 the complement says what 1 - m is
 near("elliptic integral", { elliptic.K(0), elliptic.K(0.5), elliptic.K(1, 1e-10) / 10 }, { math.pi / 2, 1.8540746773013719, 1.28992198263876 })
