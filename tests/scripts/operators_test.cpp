@@ -264,6 +264,10 @@ assert(not ok and tostring(why):find("closed_system() has the analyses", 1, true
 local d = sat:derivatives()
 assert(math.abs(math.abs(d.vdot_q(1, 1)) - weight / inertia) < 1e-11 and d.vdot_v:max_abs() < 1e-12 and math.abs(d.vdot_tau(1, 3) + 1 / inertia) < 1e-12)
 assert(d.tau_q == nil and sat:derivatives("bar").vdot:max_abs() < 1e-11)     -- it hangs, whatever its mass
+sat:hinge("left"):torque(0.7)                                                -- v' = 0.7 / inertia, in which the bar has m r^2 and a crank its J
+assert(math.abs(sat:derivatives("bar").vdot(1, 1) + 0.7 * 0.25 / inertia ^ 2) < 1e-11)
+assert(math.abs(sat:derivatives("left").vdot(1, 7) + 0.7 / inertia ^ 2) < 1e-11)
+sat:hinge("left"):torque(0)
 local found = sat:inverse_kinematics { targets = { { node = "bar", position = { 0.5 * math.sin(0.4), -0.5 * math.cos(0.4), 0 } } } }
 assert(found.reached and (found.q - vector { 0.4 - math.pi / 2, 0.4 - math.pi / 2, math.pi / 2 - 0.4 }):max_abs() < 1e-9, found.message)
 initial(found.initial)
@@ -329,6 +333,12 @@ near(h.vdot, x, "hybrid", 1e-9)
 local base = s:floating_base()
 local still = base:velocities(x)                       -- at zero momentum
 assert(s:momentum(still, "com"):max_abs() < 1e-9 * s:momentum(x, "com"):max_abs())
+near(base:velocities(x, s.mass * x), x, "velocities that have these momenta", 1e-9)
+-- what an equilibrium leaves alone keeps its rates
+local moving = sim:v()
+moving["wing_right.etadot_2"] = 0.3
+sim:state { v = moving }
+assert(sim:equilibrium({ move = { "wing_left.eta" } }).initial.wing_right.etadot[2] == 0.3)
 -- log det, diagonalised velocities
 local d = s:diagonalised()
 local nu = d:nu(x)
