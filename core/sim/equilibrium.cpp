@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <optional>
 
@@ -34,6 +35,15 @@ constexpr double kBent = 0.5;       // of r: how far r may be from what its slop
 constexpr double kCaution = 0.9;    // of the span that would just reach that
 constexpr double kSpans = 8.0;      // by which spans grow and shrink at most
 constexpr int kShrunk = 24;         // times, at most, in one step
+
+Eigen::Index rank(const RightSingular& parts) { return (parts.values.array() > kTied * parts.values[0]).count(); }
+/// The rows that hold, without those of zeros.
+MatrixXd rows(const MatrixXd& A, auto hold) {
+  std::vector<Eigen::Index> kept;
+  for (Eigen::Index i = 0; i < A.rows(); ++i)
+    if (hold(static_cast<int>(i)) && !A.row(i).isZero(0.0)) kept.push_back(i);
+  return A(kept, Eigen::all);
+}
 
 double largest(const VectorXd& x) { return x.size() > 0 ? x.lpNorm<Eigen::Infinity>() : 0.0; }
 
@@ -251,19 +261,18 @@ class Search {
     const operators::ClosedDerivatives found = operators::closed_derivatives(m_, at);
     Workspace ws(m_);
     const MatrixXd X = loop_freedom(m_, ws, at.q, at.drives).X;
-    MatrixXd still(0, X.cols());
-    for (int v = 0; v < m_.nv; ++v) {
-      if (moves_[static_cast<std::size_t>(v)] || X.row(v).isZero(0.0)) continue;
-      still.conservativeResize(still.rows() + 1, Eigen::NoChange);
-      still.bottomRows<1>() = X.row(v);
-    }
-    MatrixXd N = MatrixXd::Identity(X.cols(), X.cols());
-    if (still.rows() > 0) {
-      const RightSingular parts = right_singular(still);
-      const auto held = (parts.values.array() > kTied * parts.values[0]).count();
-      N = parts.vectors.rightCols(X.cols() - held).eval();
-    }
-    if (N.cols() == 0)
+    /// The motions of independent components in which nothing that `stays` moves.
+    const auto still = [&](auto stays) -> MatrixXd {
+      const MatrixXd held = rows(X, stays);
+      if (held.rows() == 0) return MatrixXd::Identity(X.cols(), X.cols());
+      const RightSingular parts = right_singular(held);
+      return parts.vectors.rightCols(X.cols() - rank(parts));
+    };
+    const auto named = [&](int v) { return moves_[static_cast<std::size_t>(v)] != 0; };
+    const MatrixXd N = still(std::not_fn(named)), free = still([&](int v) { return !named(v) && m_.has_prescribed() && m_.prescribed[v]; });
+    // Where more of what is named is independent than these motions, it accelerates with what may: it has no rest, and r of it would
+    // hang on units.
+    if (N.cols() == 0 || rank(right_singular(rows(X * free, named))) > N.cols())
       refuse(Code::unsupported, {"equilibrium.move"}, "components that closed loops let move while all others stand",
              "some that they tie to others", "name more of those of the loops");
     Slope out{X * N, MatrixXd::Zero(m_.nv, N.cols()), {}, {}, {}};
