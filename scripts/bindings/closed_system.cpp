@@ -77,7 +77,7 @@ int closed_log_det(lua_State* L) {
 int closed_log_det_gradient(lua_State* L) {
   const operators::ClosedSystem& system = *to_closed(L).system;
   const std::int64_t m = system.mobility();
-  LuaHost::charge(L, 2000LL * static_cast<std::int64_t>(system.tree().model().bodies.size()) * m * (m + 1));
+  LuaHost::charge(L, 200LL * static_cast<std::int64_t>(system.tree().model().bodies.size()) * m * (m + 1));
   push_vector(L, system.log_det_gradient());
   return 1;
 }
@@ -136,7 +136,7 @@ const std::vector<luaL_Reg> kClosedMethods = {{"mobility", placed<closed_mobilit
 int push_closed_system(lua_State* L, Scenario& s) {
   require_a_state(L, s, "closed_system");
   const std::shared_ptr<const Model> model = s.sim ? s.sim->shared_model() : s.model;
-  LuaHost::charge(L, 2000LL * static_cast<std::int64_t>(model->bodies.size()) * (model->nv + 1));
+  LuaHost::charge(L, 100LL * static_cast<std::int64_t>(model->bodies.size()) * (model->nv + 1));
   push_object<LuaClosed>(L, kClosed, model,
                          std::make_shared<const operators::ClosedSystem>(model, s.q, s.sim ? s.sim->drives().data() : nullptr),
                          std::make_shared<const OperatingState>(present_state(s)), std::vector<double>(s.q, s.q + model->nq));

@@ -18,6 +18,9 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
+// Floating-point operations over n^3: some twenty doublings of products and solves; Hessenberg's form and QR; LU with what it solves.
+constexpr int kDoublings = 300, kEigenvalues = 30, kFactor = 1;
+
 /// Who asks, what it calls the matrices, and what is done about each argument that does not fit.
 struct Asked {
   lua_State* L;
@@ -57,7 +60,7 @@ struct Asked {
                 fmt::format("{:g}", least));
     return W;
   }
-  void charge(Index n) const { LuaHost::charge(L, 200 * n * n * n); }
+  void charge(Index n, int operations) const { LuaHost::charge(L, operations * n * n * n / 16); }
 
  private:
   bool is_list_of_numbers(int index) const {
@@ -83,7 +86,7 @@ int regulator(lua_State* L, const char* function, Solve solve) {
   const MatrixXd A = asked.square(1);
   const Index n = A.rows();
   const MatrixXd B = asked.matrix(2, n, kAnySize, "B"), Q = asked.weight(3, n, "Q", false), R = asked.weight(4, B.cols(), "R", true);
-  asked.charge(n);
+  asked.charge(n, kDoublings);
   const auto found = solve(A, B, Q, R);
   if (!found)
     asked.refuse_it("A, B and Q by which feedback can stabilise what they see", "no solution",
@@ -102,7 +105,7 @@ int filter(lua_State* L, const char* function, Solve solve, bool in_ticks) {
   const MatrixXd A = asked.square(1);
   const Index n = A.rows();
   const MatrixXd C = asked.matrix(2, kAnySize, n, "C"), W = asked.weight(3, n, "W", false), V = asked.weight(4, C.rows(), "V", true);
-  asked.charge(n);
+  asked.charge(n, kDoublings);
   const auto found = solve(A.transpose(), C.transpose(), W, V);
   if (!found)
     asked.refuse_it(
@@ -133,7 +136,7 @@ int discretise(lua_State* L) {
   const double dt = period(L, 3, asked.function);
   const bool noisy = !lua_isnoneornil(L, 4);
   const MatrixXd W = noisy ? asked.weight(4, n, "W", false) : MatrixXd::Zero(n, n);
-  asked.charge(n);
+  asked.charge(n, kDoublings);
   const Discretised step = discretised(A, B, W, dt);
   if (!step.A.allFinite() || !step.B.allFinite() || !step.W.allFinite())
     asked.refuse_it("a system that stays within the range of numbers over dt", "one that overflows", "is dt in seconds?");
@@ -148,7 +151,7 @@ int discretise(lua_State* L) {
 int poles_of(lua_State* L) {
   const Asked asked{L, "control.poles"};
   const MatrixXd A = asked.square(1);
-  asked.charge(A.rows());
+  asked.charge(A.rows(), kEigenvalues);
   push_poles(L, lua_isnoneornil(L, 2) ? operators::poles(A) : operators::poles(A, period(L, 2, asked.function)));
   return 1;
 }
@@ -165,7 +168,7 @@ int response(lua_State* L) {
   if (!(frequency >= 0.0 && std::isfinite(frequency))) asked.refuse_it("frequency: a number not below 0 [Hz]", describe_value(L, 5));
   const double w = 2.0 * std::numbers::pi * frequency;
   const std::complex<double> s = lua_isnoneornil(L, 6) ? std::complex(0.0, w) : std::polar(1.0, w * period(L, 6, asked.function));
-  asked.charge(2 * n);
+  asked.charge(2 * n, kFactor);
   MatrixXd both(2 * n, 2 * n), on(2 * n, B.cols());
   const MatrixXd one = MatrixXd::Identity(n, n);
   both << s.real() * one - A, -s.imag() * one, s.imag() * one, s.real() * one - A;

@@ -31,7 +31,7 @@ int push_linear(lua_State* L, const Model& m, int nv, const operators::Operating
     table.finish();
     sink.throw_if_any();
   }
-  LuaHost::charge(L, 500LL * static_cast<std::int64_t>(m.bodies.size() + static_cast<std::size_t>(nv)) * (2 * nv + 1));
+  LuaHost::charge(L, 100LL * static_cast<std::int64_t>(m.bodies.size() + static_cast<std::size_t>(nv)) * (2 * nv + 1));
   const operators::LinearModel linear = make(at, ports);
   lua_newtable(L);
   if (!file.empty()) {

@@ -107,7 +107,7 @@ int push_system_modes(lua_State* L, const TreeOperators& tree, const OperatingSt
     table.finish();
     sink.throw_if_any();
   }
-  LuaHost::charge(L, 20000LL * (tree.size(Space::body) + 1));
+  LuaHost::charge(L, 4000LL * (tree.size(Space::body) + 1));
   const operators::SystemModes modes = [&] {
     try {
       return X ? operators::closed_system_modes(tree, *X, options) : operators::system_modes(tree, options);
@@ -167,7 +167,7 @@ InParameters in_parameters(lua_State* L, operators::Sensitivities& about, const 
 int push_closed_derivatives(lua_State* L, const std::shared_ptr<const Model>& model, const OperatingState& at, const double* q) {
   lua_settop(L, 2);
   const auto n = static_cast<std::int64_t>(model->nv);
-  LuaHost::charge(L, 1000LL * static_cast<std::int64_t>(model->bodies.size()) * (2 * n + 2));
+  LuaHost::charge(L, 100LL * static_cast<std::int64_t>(model->bodies.size()) * (2 * n + 2));
   const operators::OperatingPoint point = at.point(q);
   const operators::ClosedDerivatives found = operators::closed_derivatives(*model, point);
   const operators::ClosedSystem closed(model, q, point.drives);
@@ -207,7 +207,7 @@ int derivatives_study(lua_State* L, const TreeOperators& tree, const OperatingSt
   const Labels names{tree.labels(Space::hinge, Sort::unknown).names, {}};
   lua_newtable(L);
   if (lua_isnoneornil(L, 2)) {
-    LuaHost::charge(L, 400LL * static_cast<std::int64_t>(m.bodies.size()) * (4 * tree.size(Space::hinge) + 1));
+    LuaHost::charge(L, 50LL * static_cast<std::int64_t>(m.bodies.size()) * (4 * tree.size(Space::hinge) + 1));
     const operators::InverseDerivatives inverse = about.inverse();
     const operators::ForwardDerivatives forward = about.forward();
     push_matrix(L, inverse.q, names, names), set(L, "tau_q");
@@ -391,7 +391,7 @@ int push_equilibrium(lua_State* L, Scenario& s) {
   if (!(options.tolerance > 0.0)) table.reject("tolerance", "a positive number");
   table.finish();
   sink.throw_if_any();
-  LuaHost::charge(L, 2000LL * static_cast<std::int64_t>(s.model->bodies.size()) * static_cast<std::int64_t>(options.move.size() + 2));
+  LuaHost::charge(L, 500LL * static_cast<std::int64_t>(s.model->bodies.size()) * static_cast<std::int64_t>(options.move.size() + 2));
   const Equilibrium found = find_equilibrium(*s.sim, options);
   lua_newtable(L);
   lua_pushboolean(L, found.reached), set(L, "reached");

@@ -90,6 +90,40 @@ assert(math.abs(gain[1][1] - (1 - a) / math.sqrt(re ^ 2 + im ^ 2)) < 1e-14 and m
   EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
 }
 
+/// A call spends what its work is: a sweep of 300 frequencies over 60 states, by hand 300 solves of 120 unknowns, is within the budget of
+/// one function, and so is a regulator of 150 states. Lags 1 / (i w + k / 10), each by itself.
+TEST(Control, TakesManyStatesAndFrequenciesInOneCall) {
+  const TemporaryFolder dir;
+  const Finished run = run_script(dir, "run", R"(
+mission { duration = "0.1 s", output = { rate = "10 Hz" } }
+local function lags(n)
+  local A, B, C = {}, {}, { {} }
+  for i = 1, n do
+    A[i], B[i], C[1][i] = {}, { 1 }, 1
+    for j = 1, n do A[i][j] = i == j and -i / 10 or 0 end
+  end
+  return matrix(A), matrix(B), matrix(C)
+end
+check { name = "sweep", equal = { 0, tolerance = 1e-12 }, value = function()
+  local A, B, C = lags(60)
+  local off = 0
+  for f = 1, 300 do
+    local gain = control.response(A, B, C, nil, f / 50)
+    local re, im, w = 0, 0, 2 * math.pi * f / 50
+    for k = 1, 60 do re, im = re + k / 10 / (k * k / 100 + w * w), im - w / (k * k / 100 + w * w) end
+    off = math.max(off, math.abs(gain[1][1] / math.sqrt(re * re + im * im) - 1))
+  end
+  return off
+end }
+check { name = "poles", equal = { 150, tolerance = 0 }, value = function() return #control.poles((lags(150))) end }
+check { name = "regulator", equal = { 150, tolerance = 0 }, value = function()
+  local A, B = lags(150)
+  return control.lqr(A, B, 1, 1):cols()
+end }
+)");
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
 TEST(Control, RefusesWhatHasNoMeaning) {
   struct {
     const char *call, *expected;

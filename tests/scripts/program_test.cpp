@@ -394,6 +394,33 @@ TEST(Program, TheBudgetOfACallIsTheMissions) {
   EXPECT_EQ(pendulum_with("mission { duration = 1, budget = { time = '5 m' } }\n" + loop, "check").exit_code, 2);
 }
 
+/// Studies spend what their work is: each of a chain of 300 links, some ten to hundred milliseconds of them, is within the budget of one
+/// function.
+TEST(Program, StudiesOfManyBodiesAreWithinABudget) {
+  const TemporaryFolder dir;
+  std::string chain = "cardan: 1\ngravity: {uniform: [0, -9.81, 0]}\nbodies:\n";
+  for (int i = 0; i < 300; ++i)
+    chain += fmt::format(
+        "  l{}: {{mass: 1, com: [0.5, 0, 0], inertia: [0.01, 0.1, 0.1], nodes: {{e: {{position: [1, 0, 0]}}}}, "
+        "hinge: {{type: revolute, axis: [0, 0, 1], to: {}, spring: {{stiffness: 3e6}}}}}}\n",
+        i, i == 0 ? "world" : fmt::format("l{}.e", i - 1));
+  write(dir / "vehicle.yaml", chain);
+  write(dir / "scenario.lua", R"(
+local sat = vehicle "vehicle.yaml"
+mission { duration = "1 ms", output = { period = "1 ms" } }
+local links = {}
+for i = 0, 299 do links[i + 1] = "l" .. i end
+for name, study in pairs {
+  closed_system = function() return sim:closed_system():mobility() end,
+  derivatives = function() return sim:derivatives().tau_q:rows() end,
+  equilibrium = function() return sim:equilibrium { move = links }.q:rows() end,
+  linear_model = function() return sim:linearize { inputs = { "l3.angle" } }.B:rows() / 2 end,
+} do check { name = name, equal = { 300, tolerance = 0 }, value = function() return study() end } end
+)");
+  const Finished run = run_program({"run", "."}, dir.path());
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
 TEST(Program, WhatScriptsPrintIsShownByCheckAndDescribe) {
   for (const char* command : {"check", "describe"}) {
     const Finished run = pendulum_with("mission { duration = 1 }\nprint('seen')", command);
