@@ -241,13 +241,9 @@ Json series(const Hdf5File& file) {
   }
   for (ChannelSize& c : all) c.ranges = ranges_of(rows_of(file, c.path, rows, c.components), c.components, rows);
 
-  const auto commanding = [&](const std::string& attitude) {  // the channels that say where it ought to be
-    std::vector<std::string> out;
-    for (const ChannelSize& c : all)
-      if (c.components == 4 && file.has_attribute(c.path, "commands") && file.text_attribute(c.path, "commands") == attitude)
-        out.push_back(c.path);
-    return out;
-  };
+  std::map<std::string, std::vector<std::string>> commanding;  // by an attitude the channels that say where it ought to be
+  for (const ChannelSize& c : all)
+    if (c.components == 4 && file.has_attribute(c.path, "commands")) commanding[file.text_attribute(c.path, "commands")].push_back(c.path);
 
   Json out = {{"rows", rows}, {"still", Json::object()}, {"still_left_out", 0}};
   std::vector<ChannelSize> drawn;
@@ -263,7 +259,7 @@ Json series(const Hdf5File& file) {
   std::size_t components = 0, channels = 0;
   for (const ChannelSize& c : shown) {
     const std::size_t copies =
-        is_attitude(file.texts_attribute(c.path, "components")) ? 2 + commanding(c.path.substr(root.size() + 1)).size() : 1;
+        is_attitude(file.texts_attribute(c.path, "components")) ? 2 + commanding[c.path.substr(root.size() + 1)].size() : 1;
     components += copies * c.components, channels += copies;
   }
   const double names_bytes = kBytesPerChannel * static_cast<double>(channels) + kBytesPerComponent * static_cast<double>(components);
@@ -285,7 +281,7 @@ Json series(const Hdf5File& file) {
                                       file.text_attribute(c.path, "meaning"), names, data, thin));
     if (!is_attitude(names)) continue;
     out["channels"].push_back(angles_channel(name, data, thin));
-    for (const std::string& command : commanding(name))
+    for (const std::string& command : commanding[name])
       out["channels"].push_back(
           angles_channel(name, data, thin, rows_of(file, command, rows, names.size()), command.substr(root.size() + 1)));
   }

@@ -1,5 +1,6 @@
 #include "scripts/report/report.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <array>
@@ -122,6 +123,25 @@ TEST(Report, ShowsTheSmallestAndTheLargestNumbers) {
     else  // 5 digits, or as many as a number below 2.2e-308 has
       EXPECT_NEAR(shown[i].get<double>(), values[i], std::max(1e-4 * std::abs(values[i]), 5e-324)) << i;
   }
+}
+
+/// Reading grows with the channels, not with their square: a thousand attitudes were beyond what the reader may take.
+TEST(Report, TakesAThousandAttitudes) {
+  constexpr std::size_t kBodies = 1000;
+  const std::string h5 = scratch("many.h5"), html = scratch("many.html");
+  std::vector<Channel> channels;
+  for (std::size_t i = 0; i < kBodies; ++i)
+    channels.push_back({fmt::format("bodies/b{}/attitude", i), {"w", "x", "y", "z"}, "1", "world", "body to world"});
+  const auto recorder = make_hdf5_recorder(h5);
+  recorder->begin({}, channels);
+  for (const double t : {0.0, 1.0}) {
+    std::vector<double> row;
+    for (std::size_t i = 0; i < kBodies; ++i) row.insert(row.end(), {std::cos(t), 0.0, 0.0, std::sin(t)});
+    recorder->row(t, row);
+  }
+  recorder->close();
+  write_report(h5, html);
+  EXPECT_EQ(channel_of(data_of(content(html)), "bodies/b0/attitude angles")["components"].size(), 4U);
 }
 
 /// The numbers of the figure of one channel: of each piece of the line, x and y in turn.
