@@ -190,6 +190,22 @@ void Simulation::say_stiff() {
        kStiffHint);
 }
 
+/// The integrator found that rounding sets its steps.
+void Simulation::say_rounding(const StepReport& report) {
+  for (const Warning& w : warnings_.all())
+    if (w.what.code == Code::rounding_sets_steps) return;
+  const double h = statistics().last_step;
+  const auto [body, what] = named_state(report.rounded);
+  warn(Code::rounding_sets_steps, {"integrator.relative", {}},
+       fmt::format(
+           "rounding and not accuracy sets the steps of {}, {:.2g} s: {:.1e} of them are left. That of the states is worth {:.2g} times "
+           "the error that is allowed, most of it in that of {}.{}",
+           integrator_name(), h, (t_end_ - state_.t) / h, report.rounding, body, what),
+       "a larger integrator.relative, by tens until nothing is told. Stiff forces between vehicles far from the origin have few digits of "
+       "what "
+       "lies between these: `hinge: {type: free, to: TARGET}` of the base of one counts it from the other");
+}
+
 /// "field earth (acme/oblate): earth is asked beyond its limit inside: ..."; empty where nothing is wrong with it in the last evaluation.
 std::string Simulation::told_of_gravity() const {
   for (std::size_t k = 1; gravity_field_ >= 0 && k < model_->bodies.size(); ++k) {

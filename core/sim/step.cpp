@@ -119,6 +119,7 @@ void Simulation::step(double t_stop) {
   observed_ = ledger_known_ = false;
   if (std::exchange(ledger_asked_, false)) ledger();
   if (report.stiff) say_stiff();
+  if (report.rounding > 0.0) say_rounding(report);
   if (recorder_ && !report.goes_on.empty())
     recorder_->note(Note::event, state_.t, {"integrator", fmt::format("{} goes on in place of {}", report.goes_on, integrator_name())});
   doing_ = RestartCause::event;

@@ -201,7 +201,10 @@ struct StepReport {
   bool event = false;
   std::span<const int> crossed;  // size n_roots when event; valid until the next step
   bool stiff = false;            // explicit methods: of late stability and not accuracy has set the steps
-  std::string_view goes_on;      // the method that does from here, if it is another one
+  double rounding =
+      0.0;           // dopri5, dop853: of the right-hand side, over the error that is allowed; 0 where it is far less, or not looked at
+  int rounded = -1;  // most of it that of this state
+  std::string_view goes_on;  // the method that does from here, if it is another one
 };
 
 /// Factors of the states in a root mean square over all of them that make it the one over groups; empty for one group.

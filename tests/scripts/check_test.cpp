@@ -626,6 +626,30 @@ TEST_F(Physics, AFixedStepThatIsTooLongForASpringIsToldBeforeTheRunWithOneThatWo
   EXPECT_LE(largest(), 0.01);
 }
 
+/// Two vehicles in orbit and a stiff spring between them: 1e-12 asks for more digits than their places have; the target on the chaser has
+/// them.
+TEST_F(Physics, StepsThatRoundingSetsAreTold) {
+  const auto told = [&](const std::string& inboard, const std::string& place, const std::string& speed) {
+    write(
+        "cardan: 1\nbodies:\n  chaser: {mass: 500, inertia: [200, 220, 180], hinge: {type: free, to: world}}\n  target: {mass: 800, "
+        "inertia: [400, 420, 380], "
+        "hinge: {type: free, to: " +
+            inboard + "}}\ndevices:\n  link: {type: spring_damper, from: chaser, to: target, stiffness: 1e7, rest: 0.99}\n",
+        "vehicle \"v.yaml\"\nmission { duration = 0.005, integrator = { method = \"dop853\", relative = 1e-12 }, output = { rate = 200 } "
+        "}\n"
+        "initial { chaser = { position = { 7e6, 0, 0 }, velocity = { 0, 7500, 0 } }, target = { position = { " +
+            place + ", 0, 0 }, velocity = { 0, " + speed + ", 0 } } }\n");
+    const Finished f = run({"run", ".", "--out", "o"});
+    EXPECT_EQ(f.exit_code, 0) << f.err;
+    return f.err;
+  };
+  const std::string far = told("world", "7000001", "7500");
+  EXPECT_TRUE(has(far, "warning[W0404]") && has(far, "rounding and not accuracy sets the steps of dop853") &&
+              has(far, "hinge: {type: free, to: TARGET}"))
+      << far;
+  EXPECT_FALSE(has(told("chaser", "1", "0"), "W0404"));
+}
+
 // The same slide: the iteration of a variational step is given 60 attempts, which suffice up to 1.5 of step times frequency.
 TEST_F(Physics, AVariationalStepThatIsTooLongToBeSolvedIsToldBeforeTheRun) {
   const auto told_and_exit = [&](const char* method, const char* step) {

@@ -284,5 +284,37 @@ TEST(RungeKutta, AStepAllocatesNothing) {
   EXPECT_GT(malloc_calls, 0);  // the counter counts
 }
 
+/// Two masses that a spring of 1e7 N/m holds at 1 m, far out: an ulp of a place is 9.3e-10 m and 0.01 N. Counted from where they are the
+/// same motion has all its digits, and with a tolerance that leaves rounding out steps are as accuracy has them.
+TEST(RungeKutta, TellsWhereRoundingSetsTheSteps) {
+  const auto looks = [](const std::string& method, double far, double relative) {
+    OdeProblem p = problem(
+        4,
+        [](double, const double* x, double* xdot) {
+          const double pull = 1e7 * (x[1] - x[0] - 1.0);
+          xdot[0] = x[2], xdot[1] = x[3], xdot[2] = pull / 500.0, xdot[3] = -pull / 800.0;
+          return true;
+        },
+        relative);
+    auto integrator = make_integrator(p, adaptive(method, relative));
+    Values x = {far, far + 1.01, 0.0, 0.0};
+    integrator->restart(0.0, x.data());
+    std::array<int, 2> told{};  // looks, and those that found it
+    for (int step = 1; step <= 20'000; ++step) {
+      const StepReport r = integrator->step(1e9, x.data());
+      if (step % 1000 == 0) ++told[0], told[1] += r.rounding > 0.0;
+      EXPECT_TRUE(r.rounding == 0.0 || r.rounded >= 2) << "of velocities, not " << r.rounded;
+    }
+    return told;
+  };
+  for (const std::string method : {"dopri5", "dop853"}) {
+    const auto [all, tight] = looks(method, 7e6, 1e-14);
+    EXPECT_EQ(all, 20);
+    EXPECT_GE(tight, 10) << method;
+    EXPECT_EQ(looks(method, 7e6, 1e-8)[1], 0) << method;
+    EXPECT_EQ(looks(method, 0.0, 1e-12)[1], 0) << method;
+  }
+}
+
 }  // namespace
 }  // namespace cardan::test
