@@ -2,6 +2,7 @@
 // is found in holding.hpp.
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/sim/simulation.hpp"
@@ -17,7 +18,10 @@ constexpr double kAtRest = 1e-12;      // likewise: what is less after a jump is
 /// is never a matter of rounding.
 constexpr double kLoose = 1.0 + 1e-12, kRoot = 1.0 + 1e-10;
 
-bool gives_way(const Holding::Force& f) { return f.leaves != 0 || std::abs(f.force) > kLoose * f.most; }
+/// Of loads that grow together from nothing what has the largest part of its most gives way first.
+double overload(const Holding::Force& f) {
+  return f.leaves != 0 ? std::numeric_limits<double>::infinity() : f.force == 0.0 ? 0.0 : std::abs(f.force) / f.most;
+}
 /// It begins to move against what was found to hold it.
 int way_of(const Holding::Force& f) { return f.leaves != 0 ? f.leaves : f.force > 0.0 ? -1 : 1; }
 
@@ -114,7 +118,8 @@ void Simulation::start_holds() {
   changed();
 }
 
-/// What is held stands still; what more would be needed for than can be breaks away, one after the other.
+/// What is held stands still; what more would be needed for than can be breaks away, one after the other, what is loaded most first: what
+/// still holds may need less then.
 void Simulation::settle_holds() {
   const auto& holds = model_->devices.holds;
   start_holds();
@@ -126,8 +131,8 @@ void Simulation::settle_holds() {
     pack(hold_x_.data());
     if (!look_at_holds(state_.t, hold_x_.data())) return;  // told where the dynamics come upon it
     const auto& forces = holding_->forces();
-    const auto loose = std::ranges::find_if(forces, gives_way);
-    if (loose != forces.end()) {
+    const auto loose = std::ranges::max_element(forces, {}, overload);
+    if (overload(*loose) > kLoose) {
       const auto i = static_cast<std::size_t>(loose - forces.begin());
       break_away(i, way_of(*loose));
       if (loops_) gave_way[i] = 1;

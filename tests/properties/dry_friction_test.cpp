@@ -123,6 +123,34 @@ TEST(DryFriction, SticksAndSlipsAtTheTimesOfTheClosedForm) {
   EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;
 }
 
+/// A mass on another one on the ground is pushed all at once by more than each of two frictions holds. As under a push that grows, what
+/// holds the least of its share gives way, and the other one then has less to hold; whatever they are called.
+TEST(DryFriction, WhatIsLoadedMostGivesWayFirst) {
+  struct Friction {
+    double coulomb, breakaway;
+  };
+  const double push = 13.0;
+  const auto moves = [&](Friction ground, Friction between, bool turned) {
+    SystemSpec spec = system({on(particle("below", 1.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}}),
+                              on(particle("above", 2.0, {0, 0, 0}), "below", "prismatic", {{1, 0, 0}})});
+    const auto friction = [](const std::string& name, Friction f, const std::string& at) {
+      return device(name, "dry_friction", {{"coulomb", f.coulomb}, {"breakaway", f.breakaway}}, {{"at", at}});
+    };
+    spec.devices = {friction(turned ? "b" : "a", ground, "below"), friction(turned ? "a" : "b", between, "above")};
+    Simulation sim(compiled(spec), accurate());
+    sim.set_force(0, push), sim.set_force(1, push);  // from outside, on the upper one
+    sim.run(2.0);
+    return Eigen::Vector2d(sim.state().q[0], sim.state().q[1]);
+  };
+  for (const bool turned : {false, true}) {
+    const Eigen::Vector2d together = moves({4.0, 10.0}, {5.0, 12.0}, turned), apart = moves({4.0, 12.0}, {5.0, 10.0}, turned);
+    EXPECT_NEAR(together[0], (push - 4.0) / 3.0 * 2.0, 1e-9) << turned;  // the upper one holds 13 - 2 * 3 of 12
+    EXPECT_EQ(together[1], 0.0) << turned;
+    EXPECT_EQ(apart[0], 0.0) << turned;  // the lower one holds 5 of 12
+    EXPECT_NEAR(apart[1], (push - 5.0) / 2.0 * 2.0, 1e-9) << turned;
+  }
+}
+
 /// Where it holds, the vehicle moves as if the hinge were locked, also on a carrier that moves, and the twin agrees; a run goes on from a
 /// checkpoint bit for bit.
 TEST(DryFriction, AHeldHingeIsALockedOne) {
