@@ -61,6 +61,7 @@ bool Simulation::begin() {
     start_closed();
     begin_ledger();
     say_doubts();
+    rates_were_set_ = true;  // what gave way before the first tick commanded anything is asked once more with it
   } catch (...) {
     begun_ = false;
     throw;

@@ -151,6 +151,20 @@ TEST(DryFriction, WhatIsLoadedMostGivesWayFirst) {
   }
 }
 
+/// A brake of 12 N whose sliding friction is 10 N, under a weight of 20 N of which the first tick takes 9 N: it holds, as it would from
+/// before.
+TEST(DryFriction, HoldsWithWhatTheFirstTickCommands) {
+  SystemSpec spec = system({on(particle("mass", 1.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}})});
+  spec.gravity = uniform_gravity({20, 0, 0});
+  spec.devices = {device("brake", "dry_friction", {{"coulomb", 10.0}, {"breakaway", 12.0}}, {{"at", "mass"}})};
+  for (const double taken : {9.0, 7.0}) {
+    Simulation sim(compiled(spec), accurate());
+    sim.every({1, 1}, [&] { sim.set_force(0, -taken); });
+    sim.run(1.0);
+    EXPECT_NEAR(sim.state().q[0], taken == 9.0 ? 0.0 : 0.5 * (20.0 - 7.0 - 10.0), taken == 9.0 ? 0.0 : 1e-12) << taken;
+  }
+}
+
 /// Where it holds, the vehicle moves as if the hinge were locked, also on a carrier that moves, and the twin agrees; a run goes on from a
 /// checkpoint bit for bit.
 TEST(DryFriction, AHeldHingeIsALockedOne) {
