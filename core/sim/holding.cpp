@@ -32,6 +32,12 @@ Holding::Holding(const Model& model, Model* own)
   for (std::size_t i = 0; turn > 0.0 && i < in_turns_.size(); ++i) in_turns_[i] = turn / model.loops.column_scale[i];
 }
 
+double Holding::largest(std::span<const double> x) const {
+  double most = 0.0;
+  for (std::size_t i = 0; i < x.size(); ++i) most = std::max(most, std::abs(x[i]) * in_turns_[i]);
+  return most;
+}
+
 bool Holding::accelerate() {
   tau_.assign(use_.tau, use_.tau + model_.nv);
   devices_.put_into(tau_.data(), wrenches_.data());
@@ -57,8 +63,12 @@ bool Holding::look(const DeviceForces& known, const Inputs& in, double t, const 
     observer_.prescribed_forces(acting, vdot_.data(), needed_.data());
     const std::span<const double> coupled = loop_forces(workspace_).tau;  // couplings push there too
     const double* pushed = coupled.empty() ? tau_.data() : coupled.data();
+    const double nothing = kIdle * largest(vdot_);
     for (std::size_t i = 0; i < forces_.size(); ++i)
-      if (const auto v = static_cast<std::size_t>(model_.devices.holds[i].v); forces_[i].held) forces_[i].force = needed_[v] - pushed[v];
+      if (const auto v = static_cast<std::size_t>(model_.devices.holds[i].v); forces_[i].held)
+        forces_[i].force = needed_[v] - pushed[v];
+      else if (std::abs(vdot_[v]) * in_turns_[v] > nothing)
+        forces_[i].acceleration = vdot_[v];
   }
   if (model_.loops.empty()) return good;
   if (good) share();
@@ -114,11 +124,6 @@ int Holding::way_out(std::size_t hold) {
     for (const DeviceHold& h : model_.devices.holds)
       if (const auto i = static_cast<std::size_t>(h.v); all || i == v) own_->prescribed[i] = 0;
   };
-  const auto largest = [this](std::span<const double> x) {
-    double most = 0.0;
-    for (std::size_t i = 0; i < x.size(); ++i) most = std::max(most, std::abs(x[i]) * in_turns_[i]);
-    return most;
-  };
   const auto way = [&](const std::vector<double>& vdot, double size) {
     return std::abs(vdot[v]) * in_turns_[v] > kIdle * size ? vdot[v] > 0.0 ? 1 : -1 : 0;
   };
@@ -161,6 +166,7 @@ void Holding::share() {
   std::vector<Force*> held;
   for (std::size_t i = 0; i < forces_.size(); ++i)
     if (forces_[i].held) components.push_back(model_.devices.holds[i].v), held.push_back(&forces_[i]);
+  if (held.empty()) return;
   Eigen::MatrixXd idle = idle_forces(model_, workspace_, components);
   if (idle.size() == 0) return;
   const auto m = static_cast<Eigen::Index>(held.size());

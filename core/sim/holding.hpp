@@ -2,6 +2,7 @@
 // What holds hinge components that devices hold (CARDAN_USE_HOLD), at states that are tried: with a workspace of its own, so that nothing
 // of the evaluation before is lost (docs/mathematics/devices.md, 6).
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "core/dynamics/devices.hpp"
@@ -17,7 +18,8 @@ class Holding {
   struct Force {
     double force = 0.0, most = 0.0;  // [N m, N] that holds, and the most that can; of what is not held both 0
     bool held = false;
-    int leaves = 0;  // 1, -1: no force would hold it; it begins to move so
+    int leaves = 0;             // 1, -1: no force would hold it; it begins to move so
+    double acceleration = 0.0;  // [rad/s^2, m/s^2] of what is not held; 0 where it is rounding
   };
   /// Of each of Devices::holds. in.tau: of actuators and hinge loads; in.wrenches: with room for those of devices. false: v' cannot be
   /// evaluated there.
@@ -29,6 +31,8 @@ class Holding {
  private:
   /// Closed loops leave it no way to move: v' of a unit force on it, at rest, is nothing.
   bool is_blocked(std::size_t hold, const double* q, const LoopDrive* drives);
+  /// Of rates or accelerations, in the turns of in_turns_.
+  double largest(std::span<const double> x) const;
   /// v' with all that acts at the state. false: it cannot be evaluated.
   bool accelerate();
   /// v' at other rates, with given ones and lengths of loops that begin to move at `pace`; nothing acts, and the modes are held as they

@@ -79,6 +79,14 @@ void Simulation::stop_what_is_held() {
   balances_.jump(Balances::Integrals::Zero(), gained(before, sums()).cwiseAbs());
 }
 
+void Simulation::hold_again(const DeviceHold& h) {
+  state_.v[h.v] = 0.0;
+  changed();
+  observe();
+  device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
+  changed();
+}
+
 /// What closed loops do not let move because something else is held stands still, and holds as well.
 bool Simulation::hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way) {
   bool any = false;
@@ -87,11 +95,7 @@ bool Simulation::hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way)
     if (gave_way[i] != 0 || model_->prescribed[static_cast<std::size_t>(h.v)] != 0 ||
         !holding_->is_blocked_by_others(i, state_.q.data(), hold_drives_.data()))
       continue;
-    state_.v[h.v] = 0.0;
-    changed();
-    observe();
-    device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
-    changed();
+    hold_again(h);
     any = any || model_->prescribed[static_cast<std::size_t>(h.v)] != 0;
   }
   return any;
@@ -119,23 +123,33 @@ void Simulation::start_holds() {
 }
 
 /// What is held stands still; what more would be needed for than can be breaks away, one after the other, what is loaded most first: what
-/// still holds may need less then.
+/// still holds may need less then. What would then begin to move against the way that it was let go, and be pushed along by its friction,
+/// is held again.
 void Simulation::settle_holds() {
   const auto& holds = model_->devices.holds;
   start_holds();
   std::vector<std::uint8_t> gave_way(loops_ ? holds.size() : 0);
-  for (std::size_t pass = 0; holding_ && pass <= 2 * holds.size(); ++pass) {
-    if (!anything_is_held()) return;
+  std::vector<int> let_go(holds.size());
+  for (std::size_t pass = 0; holding_ && pass <= 4 * holds.size(); ++pass) {
+    const auto pushed_along = [&](std::size_t i) { return let_go[i] * holding_->forces()[i].acceleration < 0.0; };
+    if (!anything_is_held() && std::ranges::all_of(let_go, [](int way) { return way == 0; })) return;
     if (!loops_) stop_what_is_held();  // with loops once it is known to hold: others may move on
     hold_x_.resize(x_given_.size());
     pack(hold_x_.data());
     if (!look_at_holds(state_.t, hold_x_.data())) return;  // told where the dynamics come upon it
     const auto& forces = holding_->forces();
     const auto loose = std::ranges::max_element(forces, {}, overload);
+    std::size_t back = 0;
+    while (back < holds.size() && !pushed_along(back)) ++back;
     if (overload(*loose) > kLoose) {
       const auto i = static_cast<std::size_t>(loose - forces.begin());
       break_away(i, way_of(*loose));
+      if (loose->leaves == 0) let_go[i] = way_of(*loose);
       if (loops_) gave_way[i] = 1;
+    } else if (back < holds.size()) {
+      hold_again(holds[back]);
+      let_go[back] = 0;
+      if (loops_) gave_way[back] = 0;
     } else {
       stop_what_is_held();
       if (!loops_ || !hold_what_is_blocked(gave_way)) return;

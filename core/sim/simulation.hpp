@@ -331,6 +331,7 @@ class Simulation {
   void stop_what_is_held();
   void stop_rounding();
   void start_holds();
+  void hold_again(const DeviceHold& h);
   bool hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way);
   void settle_holds();
   bool hold_events(std::span<const int> crossed);

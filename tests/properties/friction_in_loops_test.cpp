@@ -484,6 +484,33 @@ TEST(FrictionInLoops, AGearCarriesWhatHoldsItsWheel) {
   }
 }
 
+/// Wheels a, b and c with c = a - b / 10; b comes to rest, c with it, and turns back. At rest all three hold; c, which takes ten times what
+/// b lacks, is let go first, and b after it. Then c would turn on by a, pushed by its own friction: it holds, and a goes with b / 10.
+TEST(FrictionInLoops, WhatIsLetGoTheWrongWayHoldsAgain) {
+  for (const LoopForm form : kForms)
+    for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf"}) {
+      const auto wheel = [](const std::string& name, double x, double rate) {
+        BodySpec body = on(rigid(name, 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "revolute", {{0, 0, 1}}, {x, 0, 0});
+        body.hinge.v = {rate};
+        return body;
+      };
+      SystemSpec spec = system({wheel("a", 0, 0.0), wheel("b", 1, -1.0), wheel("c", 2, 0.1)});
+      LoopSpec gear;
+      gear.name = "gear", gear.type = "coupling", gear.terms = {{"c", 1.0, {}}, {"a", -1.0, {}}, {"b", 0.1, {}}};
+      spec.loops = {gear};
+      spec.loop_form = form;
+      spec.devices = {dry("a", 4.0, 4.0), dry("b", 1.0, 1.0), dry("c", 3.0, 3.0)};
+      Simulation sim(compiled(spec), accurate(method, 1e-11));
+      sim.set_force(rate_of(sim, "a"), 3.0), sim.set_force(rate_of(sim, "b"), 11.0);
+      sim.run(0.5);
+      const double stops = 12.0 + 0.1 * 1.8 / 1.01, starts = 10.0 - 0.1 * 2.0 / 1.01, rate = starts * (0.5 - 1.0 / stops);
+      EXPECT_NEAR(sim.state().v[rate_of(sim, "b")], rate, 1e-7) << method;
+      EXPECT_NEAR(sim.state().v[rate_of(sim, "a")], 0.1 * rate, 1e-8) << method;
+      EXPECT_NEAR(sim.state().v[rate_of(sim, "c")], 0.0, 1e-12) << method;
+      EXPECT_TRUE(sim.ledger().pass);
+    }
+}
+
 /// Bars that bend, one of whose cranks sticks now and then: both forms, energy kept.
 TEST(FrictionInLoops, BarsThatBendStickAlikeInBothForms) {
   std::vector<VectorXd> ends;
