@@ -18,6 +18,8 @@ constexpr double kAtRest = 1e-12;      // likewise: what is less after a jump is
 /// is never a matter of rounding.
 constexpr double kLoose = 1.0 + 1e-12, kRoot = 1.0 + 1e-10;
 
+constexpr std::size_t kRounds = 12;  // of looks at each: those that hold or slide against each other are tried in turn
+
 /// Of loads that grow together from nothing what has the largest part of its most gives way first.
 double overload(const Holding::Force& f) {
   return f.leaves != 0 ? std::numeric_limits<double>::infinity() : f.force == 0.0 ? 0.0 : std::abs(f.force) / f.most;
@@ -88,11 +90,11 @@ void Simulation::hold_again(const DeviceHold& h) {
 }
 
 /// What closed loops do not let move because something else is held stands still, and holds as well.
-bool Simulation::hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way) {
+bool Simulation::hold_what_is_blocked(const std::vector<int>& let_go) {
   bool any = false;
-  for (std::size_t i = 0; i < gave_way.size(); ++i) {
+  for (std::size_t i = 0; i < let_go.size(); ++i) {
     const DeviceHold& h = model_->devices.holds[i];
-    if (gave_way[i] != 0 || model_->prescribed[static_cast<std::size_t>(h.v)] != 0 ||
+    if (let_go[i] != 0 || model_->prescribed[static_cast<std::size_t>(h.v)] != 0 ||
         !holding_->is_blocked_by_others(i, state_.q.data(), hold_drives_.data()))
       continue;
     hold_again(h);
@@ -128,31 +130,28 @@ void Simulation::start_holds() {
 void Simulation::settle_holds() {
   const auto& holds = model_->devices.holds;
   start_holds();
-  std::vector<std::uint8_t> gave_way(loops_ ? holds.size() : 0);
-  std::vector<int> let_go(holds.size());
-  for (std::size_t pass = 0; holding_ && pass <= 4 * holds.size(); ++pass) {
-    const auto pushed_along = [&](std::size_t i) { return let_go[i] * holding_->forces()[i].acceleration < 0.0; };
+  std::vector<int> let_go(holds.size());  // 1, -1: the way
+  for (std::size_t pass = 0; holding_ && pass <= kRounds * holds.size(); ++pass) {
     if (!anything_is_held() && std::ranges::all_of(let_go, [](int way) { return way == 0; })) return;
     if (!loops_) stop_what_is_held();  // with loops once it is known to hold: others may move on
     hold_x_.resize(x_given_.size());
     pack(hold_x_.data());
     if (!look_at_holds(state_.t, hold_x_.data())) return;  // told where the dynamics come upon it
     const auto& forces = holding_->forces();
-    const auto loose = std::ranges::max_element(forces, {}, overload);
-    std::size_t back = 0;
-    while (back < holds.size() && !pushed_along(back)) ++back;
-    if (overload(*loose) > kLoose) {
-      const auto i = static_cast<std::size_t>(loose - forces.begin());
-      break_away(i, way_of(*loose));
-      if (loose->leaves == 0) let_go[i] = way_of(*loose);
-      if (loops_) gave_way[i] = 1;
-    } else if (back < holds.size()) {
-      hold_again(holds[back]);
-      let_go[back] = 0;
-      if (loops_) gave_way[back] = 0;
-    } else {
+    const auto is_loose = [&](std::size_t i) { return overload(forces[i]) > kLoose; };
+    const auto is_pushed_along = [&](std::size_t i) { return let_go[i] * forces[i].acceleration < 0.0; };
+    auto i = static_cast<std::size_t>(std::ranges::max_element(forces, {}, overload) - forces.begin());
+    if (!is_loose(i) || pass > 2 * holds.size())  // one by one in their order it comes to an end [Murty 1974]
+      for (i = 0; i < holds.size() && !is_loose(i) && !is_pushed_along(i);) ++i;
+    if (i == holds.size()) {
       stop_what_is_held();
-      if (!loops_ || !hold_what_is_blocked(gave_way)) return;
+      if (!loops_ || !hold_what_is_blocked(let_go)) return;
+    } else if (is_loose(i)) {
+      let_go[i] = way_of(forces[i]);
+      break_away(i, let_go[i]);
+    } else {
+      hold_again(holds[i]);
+      let_go[i] = 0;
     }
   }
 }

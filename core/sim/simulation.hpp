@@ -332,7 +332,7 @@ class Simulation {
   void stop_rounding();
   void start_holds();
   void hold_again(const DeviceHold& h);
-  bool hold_what_is_blocked(const std::vector<std::uint8_t>& gave_way);
+  bool hold_what_is_blocked(const std::vector<int>& let_go);
   void settle_holds();
   bool hold_events(std::span<const int> crossed);
   void project(double t, double* x);
