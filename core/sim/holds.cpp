@@ -18,7 +18,7 @@ constexpr double kAtRest = 1e-12;      // likewise: what is less after a jump is
 /// is never a matter of rounding.
 constexpr double kLoose = 1.0 + 1e-12, kRoot = 1.0 + 1e-10;
 
-constexpr std::size_t kRounds = 12;  // of looks at each: those that hold or slide against each other are tried in turn
+constexpr std::size_t kRounds = 12;  // looks at each, at most: where some hold or slide against each other they are tried in turn
 
 /// Of loads that grow together from nothing what has the largest part of its most gives way first.
 double overload(const Holding::Force& f) {
