@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <utility>
 
 #include "core/dynamics/hinge_laws.hpp"
 #include "core/sim/simulation.hpp"
@@ -128,9 +129,14 @@ void Simulation::start_holds() {
 /// still holds may need less then. What would then begin to move against the way that it was let go, and be pushed along by its friction,
 /// is held again.
 void Simulation::settle_holds() {
-  const auto& holds = model_->devices.holds;
   start_holds();
-  std::vector<int> let_go(holds.size());  // 1, -1: the way
+  std::vector<int> let_go = std::move(let_go_);  // its room is kept; what a device does as it breaks away may come here again
+  let_go.assign(model_->devices.holds.size(), 0);
+  settle_holds(let_go);
+  let_go_ = std::move(let_go);
+}
+void Simulation::settle_holds(std::vector<int>& let_go) {
+  const auto& holds = model_->devices.holds;
   for (std::size_t pass = 0; holding_ && pass <= kRounds * holds.size(); ++pass) {
     if (!anything_is_held() && std::ranges::all_of(let_go, [](int way) { return way == 0; })) return;
     if (!loops_) stop_what_is_held();  // with loops once it is known to hold: others may move on

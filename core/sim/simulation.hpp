@@ -334,6 +334,7 @@ class Simulation {
   void hold_again(const DeviceHold& h);
   bool hold_what_is_blocked(const std::vector<int>& let_go);
   void settle_holds();
+  void settle_holds(std::vector<int>& let_go);  // 1, -1: the way that a hold was let go
   bool hold_events(std::span<const int> crossed);
   void project(double t, double* x);
   int n_roots() const;
@@ -550,6 +551,7 @@ class Simulation {
     void add(double t, double pivot, const std::vector<double>& x);
   } trail_;
   std::vector<double> hold_tau_, hold_vdot_, hold_x_;  // scratch
+  std::vector<int> let_go_;                            // likewise
   std::vector<double> passing_;                        // roots of devices before the jumps that are under way, those of the innermost last
   struct {
     int depth = 0;  // jumps within jumps
