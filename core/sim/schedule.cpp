@@ -3,10 +3,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <stdexcept>
+#include <string>
 #include <utility>
 
 namespace cardan {
@@ -20,10 +22,21 @@ Rational period(double value, bool is_hertz, const Located& at) {
   };
   if (!(value > 0.0) || !std::isfinite(value)) refuse(is_hertz ? "a rate > 0 Hz" : "a period > 0 s", {});
   const std::optional<Rational> ratio = to_rational(value);
-  if (!ratio)
-    refuse(fmt::format("a {} that is a ratio of whole numbers up to 1e9 over up to 1e6", is_hertz ? "rate" : "period"),
-           fmt::format("give the {} instead (1/60 Hz is a period of 60 s), or round it: {:.3g} {}", is_hertz ? "period" : "rate", value,
-                       is_hertz ? "Hz" : "s"));
+  if (!ratio) {
+    const std::string rounded = fmt::format("{:.3g}", value), inverse = fmt::format("{:.3g}", 1.0 / value);
+    const auto taken = [](const std::string& text) {
+      double x = std::numeric_limits<double>::quiet_NaN();
+      std::from_chars(text.data(), text.data() + text.size(), x);
+      return to_rational(x).has_value();
+    };
+    const char* other = is_hertz ? "period" : "rate";
+    std::string hint = "ticks are from 1 ns to 1e9 s apart";  // a number that is suggested must be one that is taken
+    if (taken(rounded))
+      hint = fmt::format("give the {} instead (1/60 Hz is a period of 60 s), or round it: {} {}", other, rounded, is_hertz ? "Hz" : "s");
+    else if (taken(inverse))
+      hint = fmt::format("give the {} instead: {} {}", other, inverse, is_hertz ? "s" : "Hz");
+    refuse(fmt::format("a {} that is a ratio of whole numbers up to 1e9 over up to 1e6", is_hertz ? "rate" : "period"), std::move(hint));
+  }
   return is_hertz ? Rational{ratio->denominator, ratio->numerator} : *ratio;
 }
 

@@ -55,6 +55,21 @@ TEST(Rationals, RefusedRatesSayWhatToDo) {
   EXPECT_EQ(refusal(0.0166667),
             "C0301 | controllers.attitude.rate | a rate that is a ratio of whole numbers up to 1e9 over up to 1e6 | "
             "0.0166667 Hz | give the period instead (1/60 Hz is a period of 60 s), or round it: 0.0167 Hz");
+  // What is suggested is taken: rounding 1e10 Hz changes nothing.
+  const auto hint = [](double x, bool is_hertz) {
+    try {
+      is_hertz ? period_from_hertz(x, kHere) : period_from_seconds(x, kHere);
+    } catch (const InputError& e) {
+      return e.diagnostics().front().hint;
+    }
+    return std::string("accepted");
+  };
+  EXPECT_EQ(hint(1e-9, false), "give the rate instead: 1e+09 Hz");
+  EXPECT_EQ(hint(1.23456e-5, false), "give the rate instead: 8.1e+04 Hz");
+  EXPECT_EQ(hint(0.0001234567, false), "give the rate instead (1/60 Hz is a period of 60 s), or round it: 0.000123 s");
+  EXPECT_EQ(hint(2e-7, true), "give the period instead: 5e+06 s");
+  for (const double x : {1e-10, 1e10, 1e300, 1e-320})
+    for (const bool is_hertz : {false, true}) EXPECT_EQ(hint(x, is_hertz), "ticks are from 1 ns to 1e9 s apart") << x;
   EXPECT_EQ(refusal(-1.0), "C0301 | controllers.attitude.rate | a rate > 0 Hz | -1 Hz | ");
   EXPECT_EQ(refusal(std::numeric_limits<double>::infinity()).substr(0, 5), "C0301");
   EXPECT_THROW(period_from_seconds(0.0, kHere), InputError);
