@@ -21,6 +21,7 @@ void Simulation::remember(Archive& a) {
   a.block("given motion");
   for (Prescribed& p : prescribed_) a(p.profile, p.given, p.t_0, p.q_0);
   for (PrescribedLoop& p : prescribed_loops_) a(p.profile, p.given, p.t_0, p.more_0);
+  for (Limit& limit : limits_) a(limit.passed);
   a.block("schedule")(schedule_);
   if (a.reading() && !schedule_.stands_at(state_.t)) a.wrong("ticks of another time than that of the state");
   a.block("run")(steps_, last_output_, warned_stiff_, std::span(event_times_), events_seen_, limited_steps_, t_limited_, nearest_.pivot,

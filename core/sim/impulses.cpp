@@ -159,8 +159,8 @@ void Simulation::bounce(std::span<const int> crossed) {
   }
   // What rests against a stop and is struck in this instant, by this blow or another, bounces as well, the fastest first.
   const auto struck = [&](const Limit& limit) {
-    return limit.side * (state_.q[limit.q] - limit.value) >= 0.0 && inwards(limit) > limit.bounce.speed &&
-           !(limit.side * rate_before(limit) > limit.bounce.speed) && !model_->has_given_motion(limit.v);
+    return is_at(limit) && inwards(limit) > limit.bounce.speed && !(limit.side * rate_before(limit) > limit.bounce.speed) &&
+           !model_->has_given_motion(limit.v);
   };
   for (int left = kBounces; left > 0; --left) {
     const Limit* next = nullptr;

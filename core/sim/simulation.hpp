@@ -514,9 +514,11 @@ class Simulation {
     int q, v, side;  // of the component; 1: an upper limit, -1: a lower one
     double value;
     Bounce bounce;
-    std::size_t load;    // into Model::loads
+    std::size_t load;                                          // into Model::loads
+    double passed = -std::numeric_limits<double>::infinity();  // [s] when, last: in that instant what is at it is so to rounding
     bool ahead = false;  // a hard stop that the step at hand began before: until it is passed, which is located, there is none
   };
+  bool is_at(const Limit& limit) const { return limit.side * (state_.q[limit.q] - limit.value) >= 0.0 || limit.passed == state_.t; }
   std::vector<double> loads_at_;  // coordinates of Model::loads as apply_forces() took them
   std::vector<Limit> limits_;     // of stops: where q passes one the right-hand side has a corner
   struct Prescribed {

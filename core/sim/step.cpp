@@ -14,6 +14,11 @@
 #include "core/sim/plugin_faults.hpp"
 
 namespace cardan {
+namespace {
+
+constexpr double kLeaves = 1e-12;  // of the largest rate: what is slower is rounding
+
+}  // namespace
 
 void Simulation::run(double t_end, const std::function<void(double)>& progress) {
   if (std::isnan(t_end)) refuse(Code::out_of_range, {"end of the run"}, "a time [s]", "nan");
@@ -98,7 +103,10 @@ void Simulation::step(double t_stop) {
   const double corner = next_corner();
   StepReport report;
   stretch_ = state_.t;
-  for (Limit& limit : limits_) limit.ahead = std::isfinite(limit.bounce.speed) && limit.side * (state_.q[limit.q] - limit.value) < 0.0;
+  // What was passed in this instant is not located again at once: if it does not leave it is there.
+  const auto stays = [&](const Limit& limit) { return is_at(limit) && !(limit.side * state_.v[limit.v] < -kLeaves * scale_of_rates()); };
+  for (Limit& limit : limits_)
+    limit.ahead = std::isfinite(limit.bounce.speed) && limit.side * (state_.q[limit.q] - limit.value) < 0.0 && !stays(limit);
   try {
     const Stopwatch watch(timed(&RunProfile::step));
     report = integrator_->step(t_stop, x_.data());
@@ -274,6 +282,8 @@ void Simulation::pass_crossings(std::span<const int> crossed) {
   handle_events(crossed);
   const auto corners = crossed.subspan(events_.size(), limits_.size()), devices = crossed.subspan(events_.size() + limits_.size());
   const auto edges = crossed.last(static_cast<std::size_t>(model_->devices.n_edges));
+  for (std::size_t i = 0; i < corners.size(); ++i)
+    if (corners[i] != 0) limits_[i].passed = state_.t;
   bounce(corners);
   const auto any = [](std::span<const int> of) { return std::ranges::any_of(of, [](int side) { return side != 0; }); };
   if (device_events(devices) || any(corners) || any(edges))
