@@ -124,6 +124,12 @@ void Simulation::jump(const std::string& by) {
   jump.end();
 }
 
+bool Simulation::is_at(const Limit& limit) const {
+  constexpr double kRounding = 1e-12;  // of the place, at least of 1 [rad, m]: what an event's action moves away is not there
+  const double missing = limit.side * (limit.value - state_.q[limit.q]);
+  return missing <= 0.0 || (limit.passed == state_.t && missing <= kRounding * std::max(1.0, std::abs(limit.value)));
+}
+
 void Simulation::bounce(std::span<const int> crossed) {
   const auto inwards = [&](const Limit& limit) { return limit.side * state_.v[limit.v]; };
   const auto rate_before = [&](const Limit& limit) -> double& { return x_[static_cast<std::size_t>(model_->nq + limit.v)]; };

@@ -202,8 +202,7 @@ void Simulation::say_rounding(const StepReport& report) {
            "the error that is allowed, most of it in that of {}.{}",
            integrator_name(), h, (t_end_ - state_.t) / h, report.rounding, body, what),
        "a larger integrator.relative, by tens until nothing is told. Stiff forces between vehicles far from the origin have few digits of "
-       "what "
-       "lies between these: `hinge: {type: free, to: TARGET}` of the base of one counts it from the other");
+       "what lies between these: `hinge: {type: free, to: TARGET}` of the base of one counts it from the other");
 }
 
 /// "field earth (acme/oblate): earth is asked beyond its limit inside: ..."; empty where nothing is wrong with it in the last evaluation.

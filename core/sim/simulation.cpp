@@ -222,6 +222,7 @@ int Simulation::add_wrench(int node, bool world_axes) {
 }
 
 void Simulation::record(Recorder& recorder, std::vector<Output> outputs, Rational period) {
+  expect_before_run("a recorder");
   sample_devices(true);
   recorder_ = &recorder;
   for (const Warning& w : warnings_.all()) note(recorder, w);

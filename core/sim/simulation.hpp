@@ -515,10 +515,11 @@ class Simulation {
     double value;
     Bounce bounce;
     std::size_t load;                                          // into Model::loads
-    double passed = -std::numeric_limits<double>::infinity();  // [s] when, last: in that instant what is at it is so to rounding
+    double passed = -std::numeric_limits<double>::infinity();  // [s] when, last
     bool ahead = false;  // a hard stop that the step at hand began before: until it is passed, which is located, there is none
   };
-  bool is_at(const Limit& limit) const { return limit.side * (state_.q[limit.q] - limit.value) >= 0.0 || limit.passed == state_.t; }
+  /// Or beyond it. In the instant in which it is passed that is known to rounding.
+  bool is_at(const Limit& limit) const;
   std::vector<double> loads_at_;  // coordinates of Model::loads as apply_forces() took them
   std::vector<Limit> limits_;     // of stops: where q passes one the right-hand side has a corner
   struct Prescribed {

@@ -148,6 +148,21 @@ TEST(HardStop, LetsWhatFallsComeToRest) {
   }
 }
 
+/// A mass that has sunk into a stop comes off it, and is thrown at it from elsewhere in that instant: it is not at the stop there.
+TEST(HardStop, DoesNotStrikeWhatAnEventHasMovedAway) {
+  Simulation sim(compiled(slide(2.0, -1e-4, 0.005, {hard_stop(-kNever, 0.0, 1e4, 0.5, 0.01)})), accurate());
+  double moved = -1.0;
+  sim.add_event({"leaves", [](double, const double* q, const double*) { return q[0]; }, -1,
+                 [&] {
+                   sim.q(0) = -1.0, sim.v(0) = 5.0;
+                   moved = sim.time();
+                 }});
+  sim.run(0.1);
+  ASSERT_GT(moved, 0.0);
+  EXPECT_EQ(sim.state().v[0], 5.0);
+  EXPECT_NEAR(sim.state().q[0], -1.0 + 5.0 * (0.1 - moved), 1e-12);
+}
+
 /// Bodies on a line that touch: `relative` is the rate of each against the one before it, and so are stops of restitution e.
 Simulation row_of_balls(const std::vector<double>& masses, const std::vector<double>& relative, double e, double gap_behind_first) {
   std::vector<BodySpec> balls;

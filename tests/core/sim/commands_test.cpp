@@ -4,7 +4,9 @@
 
 #include <cmath>
 #include <map>
+#include <span>
 #include <string>
+#include <string_view>
 
 #include "core/base/diagnostic.hpp"
 #include "core/sim/outputs.hpp"
@@ -45,13 +47,22 @@ TEST(Commands, TasksAndEventsAreThereBeforeTheRun) {
   const auto adds = [&sim](std::vector<std::string>& codes) {
     codes.push_back(code_of([&] { sim.every({1, 10}, [] {}); }));
     codes.push_back(code_of([&] { sim.watch({1, 10}, [] {}); }));
+    struct : Recorder {
+      void begin(const RunHeader&, const std::vector<Channel>&) override {}
+      void row(double, std::span<const double>) override {}
+      void attach(const std::string&, const std::string&) override {}
+      void restart_state(double, std::span<const double>) override {}
+      void flush() override {}
+      void close(std::string_view) override {}
+    } late;  // which ends before the run does
+    codes.push_back(code_of([&] { sim.record(late, {}, {1, 10}); }));
     codes.push_back(code_of([&] { sim.add_event({"late", [](double t, const double*, const double*) { return t - 0.7; }, 0, {}}); }));
   };
   std::vector<std::string> inside, after;
   sim.every({1, 1}, [&] { adds(inside); });
   sim.run(0.5);
   adds(after);
-  EXPECT_EQ(inside, std::vector<std::string>(3, "C0401"));
+  EXPECT_EQ(inside, std::vector<std::string>(4, "C0401"));
   EXPECT_EQ(after, inside);
   sim.run(1.0);
   EXPECT_EQ(sim.time(), 1.0);

@@ -1,3 +1,4 @@
+#include <cstdio>
 #include <numbers>
 
 #include "tests/core/time/problems.hpp"
@@ -284,19 +285,28 @@ TEST(RungeKutta, AStepAllocatesNothing) {
   EXPECT_GT(malloc_calls, 0);  // the counter counts
 }
 
+/// Two masses with a spring of 1e7 N/m and 1 m between them, 1.01 m from each other, the first at `far`.
+OdeProblem two_masses(double relative) {
+  return problem(
+      4,
+      [](double, const double* x, double* xdot) {
+        const double pull = 1e7 * (x[1] - x[0] - 1.0);
+        xdot[0] = x[2], xdot[1] = x[3], xdot[2] = pull / 500.0, xdot[3] = -pull / 800.0;
+        return true;
+      },
+      relative);
+}
+long steps_of_spring(double far, double relative, double t_end) {
+  auto integrator = make_integrator(two_masses(relative), adaptive("dop853", relative));
+  integrate(*integrator, 0.0, {far, far + 1.01, 0.0, 0.0}, t_end);
+  return integrator->statistics().steps;
+}
+
 /// Two masses that a spring of 1e7 N/m holds at 1 m, far out: an ulp of a place is 9.3e-10 m and 0.01 N. Counted from where they are the
 /// same motion has all its digits, and with a tolerance that leaves rounding out steps are as accuracy has them.
 TEST(RungeKutta, TellsWhereRoundingSetsTheSteps) {
   const auto looks = [](const std::string& method, double far, double relative) {
-    OdeProblem p = problem(
-        4,
-        [](double, const double* x, double* xdot) {
-          const double pull = 1e7 * (x[1] - x[0] - 1.0);
-          xdot[0] = x[2], xdot[1] = x[3], xdot[2] = pull / 500.0, xdot[3] = -pull / 800.0;
-          return true;
-        },
-        relative);
-    auto integrator = make_integrator(p, adaptive(method, relative));
+    auto integrator = make_integrator(two_masses(relative), adaptive(method, relative));
     Values x = {far, far + 1.01, 0.0, 0.0};
     integrator->restart(0.0, x.data());
     std::array<int, 2> told{};  // looks, and those that found it
@@ -314,6 +324,11 @@ TEST(RungeKutta, TellsWhereRoundingSetsTheSteps) {
     EXPECT_EQ(looks(method, 7e6, 1e-8)[1], 0) << method;
     EXPECT_EQ(looks(method, 0.0, 1e-12)[1], 0) << method;
   }
+  const auto steps = [](double far, double relative) { return steps_of_spring(far, relative, 0.1); };
+  const long near = steps(0.0, 1e-10), far = steps(7e6, 1e-10);
+  std::printf("0.1 s by dop853 at 1e-10: %ld steps at the origin, %ld from 7e6 m; at 1e-8 %ld and %ld\n", near, far, steps(0.0, 1e-8),
+              steps(7e6, 1e-8));
+  EXPECT_GT(far, 5 * near);
 }
 
 }  // namespace
