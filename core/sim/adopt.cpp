@@ -187,7 +187,7 @@ void Simulation::take_in() {
   stop_rounding();
   for (const DeviceHold& h : model_->devices.holds) {  // what is held takes part in a jump of rates, and what slides may slide back
     const bool sticks = state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] != 0.0;
-    rates_were_set_ = rates_were_set_ || !sticks || state_.v[h.v] != 0.0;
+    holds_begin_anew_ = holds_begin_anew_ || !sticks || state_.v[h.v] != 0.0;
   }
   changed();
   let_inside();

@@ -72,7 +72,7 @@ void Simulation::resume(const Checkpoint& checkpoint) {
   alter_ports();
   tau_total_ = tau_;
   changed();
-  rates_were_set_ = false;
+  holds_begin_anew_ = false;
   trail_.n = 0;
   if (devices_)  // masses and what is held: the integrator may look at the model before anything is evaluated
     devices_->set({state_.t, state_.z.data(), state_.marks.data(), tau_total_.data(), wrenches_.data()});

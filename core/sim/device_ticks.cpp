@@ -212,7 +212,7 @@ void Simulation::start_devices(std::span<const int> but) {
     if (std::ranges::find(but, static_cast<int>(i)) == but.end())
       device_event(static_cast<int>(i), model_->devices.all[i].family->n_roots, 0);
   changed();
-  rates_were_set_ = false;
+  holds_begin_anew_ = false;
   settle_holds();
 }
 
@@ -232,8 +232,9 @@ bool Simulation::device_events(std::span<const int> crossed) {
     bool told = false;
     for (std::size_t i = 0; devices_ && i < model_->devices.all.size(); ++i) {
       const Device& d = model_->devices.all[i];
-      if (std::ranges::any_of(model_->devices.holds, [i](const DeviceHold& h) { return h.device == static_cast<int>(i); }) != holding)
-        continue;
+      const auto hold = std::ranges::find(model_->devices.holds, static_cast<int>(i), &DeviceHold::device);
+      if ((hold != model_->devices.holds.end()) != holding) continue;
+      if (holding && is_thrown_on(*hold)) continue;
       for (std::uint32_t root = 0; root < d.family->n_roots; ++root) {
         const int side = crossed[static_cast<std::size_t>(d.root) + root];
         if (side == 0) continue;

@@ -104,6 +104,11 @@ bool Simulation::hold_what_is_blocked(const std::vector<int>& let_go) {
   return any;
 }
 
+/// What was to stop where its root was passed got a rate in the same instant: it slides on with that.
+bool Simulation::is_thrown_on(const DeviceHold& h) const {
+  return (jumped_ || holds_begin_anew_) && std::abs(state_.v[h.v]) > kStillMoves * scale_of_rates();
+}
+
 /// A rate that a jump has left of nothing is none.
 void Simulation::stop_rounding() {
   const double still = kAtRest * scale_of_rates();
@@ -115,7 +120,7 @@ void Simulation::stop_rounding() {
 /// looked at: of closed loops that are held in more places than they need be nothing could be evaluated.
 void Simulation::start_holds() {
   const auto& holds = model_->devices.holds;
-  if (!std::exchange(rates_were_set_, false) || !begun_ || holds.empty()) return;
+  if (!std::exchange(holds_begin_anew_, false) || !begun_ || holds.empty()) return;
   stop_rounding();
   for (const DeviceHold& h : holds)
     if (state_.v[h.v] != 0.0) state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] = 0.0;

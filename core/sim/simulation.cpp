@@ -125,7 +125,7 @@ void Simulation::set_state(const State& state) {
   if (state_.z.size() != model_->devices.n_z) state_.z = Eigen::VectorXd::Map(model_->devices.z0.data(), model_->devices.n_z);
   if (state_.marks.size() != model_->devices.n_marks)
     state_.marks = Eigen::VectorXd::Map(model_->devices.marks0.data(), model_->devices.n_marks);
-  rates_were_set_ = true;
+  holds_begin_anew_ = true;
   changed();
 }
 

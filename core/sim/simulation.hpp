@@ -112,7 +112,7 @@ class Simulation {
   void take_over(const Simulation& other);
   /// InputError C0301 for an index that there is not, here and in all commands.
   double& q(int i) { return require_index("coordinate", i, model_->nq), changed(), state_.q[i]; }
-  double& v(int i) { return require_index("velocity component", i, model_->nv), rates_were_set_ = true, changed(), state_.v[i]; }
+  double& v(int i) { return require_index("velocity component", i, model_->nv), holds_begin_anew_ = true, changed(), state_.v[i]; }
   /// A task that runs at every tick, in the order of these calls. Commands set by tasks hold until they are set again. Before the run, as
   /// watch(), add_event() and record(): InputError C0401 once it has begun.
   void every(Rational period, std::function<void()> task, Rational offset = {});
@@ -327,6 +327,7 @@ class Simulation {
   bool look_at_holds(double t, const double* x);
   void hold_roots(double t, const double* x, double* g);
   bool anything_is_held() const;
+  bool is_thrown_on(const DeviceHold& h) const;
   void break_away(std::size_t hold, int direction);
   void stop_what_is_held();
   void stop_rounding();
@@ -584,8 +585,9 @@ class Simulation {
     return body + "." + what;
   }};
   bool observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
-  bool rates_were_set_ = false;  // from outside, since settle_holds()
-  bool in_event_ = false;        // the action of one runs
+  bool holds_begin_anew_ = false;  // at settle_holds(): rates were set, or what loads them was commanded for the first time
+  bool jumped_ = false;            // rates, by a blow where what runs now came to pass
+  bool in_event_ = false;          // the action of one runs
   /// What stood in the way of the last evaluation that failed in a step, or as loops were closed: what explain() tells.
   struct Obstacle {
     soa::Breakdown breakdown;

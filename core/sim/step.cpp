@@ -66,7 +66,7 @@ bool Simulation::begin() {
     start_closed();
     begin_ledger();
     say_doubts();
-    rates_were_set_ = true;  // what gave way before the first tick commanded anything is asked once more with it
+    holds_begin_anew_ = true;  // what gave way before the first tick is asked once more with its commands
   } catch (...) {
     begun_ = false;
     throw;
@@ -279,6 +279,7 @@ void Simulation::look_inside(double t_end) {
 
 /// What happens where functions of roots() crossed zero, in their order.
 void Simulation::pass_crossings(std::span<const int> crossed) {
+  jumped_ = false;
   handle_events(crossed);
   const auto corners = crossed.subspan(events_.size(), limits_.size()), devices = crossed.subspan(events_.size() + limits_.size());
   const auto edges = crossed.last(static_cast<std::size_t>(model_->devices.n_edges));

@@ -256,6 +256,49 @@ TEST(DryFriction, SlidesOnWithARateThatIsSetInTheRun) {
   EXPECT_NEAR(sim.state().v[0], 0.15, 1e-10);
 }
 
+/// An event of the same instant that sends it back is not undone by its coming to rest.
+TEST(DryFriction, SlidesOnWhereAnEventSendsItBackAsItStops) {
+  SystemSpec spec = on_a_rail();
+  spec.bodies[0].hinge.v = {0.6};
+  Simulation sim(compiled(spec), accurate());
+  bool sent = false;
+  sim.add_event(
+      {"rest", [&](double, const double*, const double* v) { return sent ? 1.0 : v[0]; }, -1, [&] { sent = true, sim.v(0) = -0.6; }});
+  sim.run(0.6);
+  EXPECT_NEAR(sim.state().v[0], -0.3, 1e-10);
+  EXPECT_NEAR(sim.state().q[0], 0.12 - 0.6 * 0.2 + 0.75 * 0.04, 1e-10);
+}
+
+/// A hammer on a block strikes it in the instant in which friction stops it, and beside it another block comes to rest: the first slides
+/// on with what the blow gives it, the second stays. On which side of that instant the blow falls is a matter of rounding.
+TEST(DryFriction, SlidesOnWhereABlowFallsInTheInstantOfItsRest) {
+  const double e = 0.5, u = -0.3;  // of the hammer [m/s]; rest is at 0.4 s and 0.12 m
+  for (const std::string method : {"dopri5", "dop853", "cvode_adams"})
+    for (const double earlier : {0.0, 1e-17, 1e-16, 3e-16, 1e-15, 1e-14, 1e-12, -1e-16, -3e-16, -1e-15, -1e-14, -1e-12}) {
+      SystemSpec spec = on_a_rail();
+      spec.bodies[0].hinge.v = {0.6};
+      BodySpec hammer = on(particle("hammer", 1.0, {0, 0, 0}), "mass", "prismatic", {{1, 0, 0}});
+      hammer.hinge.q = {0.19 + earlier}, hammer.hinge.v = {u - 0.6};
+      const HingeLoadSpec stop{0, HingeLaw::stop, {-0.05, 1e300, 1e4, 1.0, 0.0}, {}, {e, 0.01}};
+      hammer.hinge.loads = {stop};
+      spec.bodies.push_back(hammer);
+      spec.bodies.push_back(on(particle("beside", 2.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}}));
+      spec.bodies.back().hinge.v = {0.6};
+      spec.devices.push_back(device("drag_beside", "dry_friction", {{"coulomb", 3.0}, {"breakaway", 4.0}}, {{"at", "beside"}}));
+      Simulation sim(compiled(spec), accurate(method));
+      const double near = method == "cvode_adams" ? 1e-8 : 1e-10, thrown = u / 3.0 * (1.0 + e);
+      sim.run(0.45);
+      EXPECT_NEAR(sim.state().v[0], thrown + 1.5 * 0.05, near) << method << ", " << earlier;
+      EXPECT_NEAR(sim.state().q[0], 0.12 + thrown * 0.05 + 0.75 * 0.05 * 0.05, near) << method << ", " << earlier;
+      sim.run(1.0);
+      EXPECT_EQ(sim.state().marks[0], 1.0);
+      EXPECT_NEAR(sim.state().q[0], 0.12 - thrown * thrown / 3.0, near) << method << ", " << earlier;
+      EXPECT_NEAR(sim.state().q[2], 0.12, near) << method << ", " << earlier;
+      EXPECT_EQ(sim.state().v[2], 0.0) << method << ", " << earlier;
+      EXPECT_TRUE(sim.ledger().pass) << method << ", " << earlier;
+    }
+}
+
 /// What a device holds is no motion that was given: it breaks away also where it stood still from the start, in a model that is adopted
 /// too.
 TEST(DryFriction, WhatStandsStillAtFirstBreaksAwayToo) {
