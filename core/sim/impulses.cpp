@@ -133,6 +133,7 @@ bool Simulation::is_at(const Limit& limit) const {
 void Simulation::bounce(std::span<const int> crossed) {
   const auto inwards = [&](const Limit& limit) { return limit.side * state_.v[limit.v]; };
   const auto rate_before = [&](const Limit& limit) -> double& { return x_[static_cast<std::size_t>(model_->nq + limit.v)]; };
+  const auto told = [&](const Limit& limit) { return fmt::format("{} limit of {}", limit.side > 0 ? "upper" : "lower", name_of(limit.v)); };
   const auto turn_over = [&](const Limit& limit) {
     observe();
     impulse_.wrenches.clear();
@@ -144,9 +145,7 @@ void Simulation::bounce(std::span<const int> crossed) {
     changed();                    // what was seen is that of rest
     if (!(by_one > 0.0)) return;  // its motion is given
     impulse = -(1.0 + limit.bounce.restitution) * state_.v[limit.v] / by_one;
-    const UserBody& u =
-        *std::ranges::find_if(model_->user, [&](const UserBody& body) { return limit.v >= body.v && limit.v < body.v + body.nv; });
-    jump(fmt::format("{} limit of {}.{}", limit.side > 0 ? "upper" : "lower", u.name, u.v_names[static_cast<std::size_t>(limit.v - u.v)]));
+    jump(told(limit));
     rate_before(limit) = state_.v[limit.v];
   };
   // It is beyond by what its crossing is resolved to, and would be pushed at from there on its way back.
@@ -168,11 +167,14 @@ void Simulation::bounce(std::span<const int> crossed) {
     return is_at(limit) && inwards(limit) > limit.bounce.speed && !(limit.side * rate_before(limit) > limit.bounce.speed) &&
            !model_->has_given_motion(limit.v);
   };
-  for (int left = kBounces; left > 0; --left) {
+  for (int blow = 0;; ++blow) {
     const Limit* next = nullptr;
     for (const Limit& limit : limits_)
       if (struck(limit) && (next == nullptr || inwards(limit) > inwards(*next))) next = &limit;
     if (next == nullptr) return;
+    if (blow == kBounces)
+      return warn(Code::mission_doubt, {told(*next), {}}, fmt::format("{} blows in one instant are no end of them: it is pressed in", blow),
+                  "a restitution below 1, or room between the stops");
     turn_over(*next);
   }
 }

@@ -163,6 +163,29 @@ TEST(HardStop, DoesNotStrikeWhatAnEventHasMovedAway) {
   EXPECT_NEAR(sim.state().q[0], -1.0 + 5.0 * (0.1 - moved), 1e-12);
 }
 
+/// A heavy ball that touches a light one at a wall turns back after pi sqrt(m_2 / m_1) blows without loss [Galperin 2003], all at once: it
+/// is told where they are cut off.
+TEST(HardStop, TellsWhereBlowsOfOneInstantAreCutOff) {
+  for (const double heavy : {1e4, 1e8}) {
+    BodySpec light = on(particle("light", 1.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}});
+    light.hinge.loads = {hard_stop(0.0, kNever, 1e6, 1.0, 1e-6)};
+    BodySpec ball = on(particle("heavy", heavy, {0, 0, 0}), "light", "prismatic", {{1, 0, 0}});
+    ball.hinge.v = {-1.0}, ball.hinge.loads = {hard_stop(0.0, kNever, 1e6, 1.0, 1e-6)};
+    Simulation sim(compiled(system({light, ball})), accurate());
+    sim.run(1e-9);
+    const auto& told = sim.warnings().all();
+    if (heavy == 1e4) {  // 314 blows
+      EXPECT_TRUE(told.empty());
+      EXPECT_NEAR(sim.state().v[0] + sim.state().v[1], 1.0, 2e-4);
+    } else {
+      ASSERT_EQ(told.size(), 1u);
+      EXPECT_EQ(told[0].what.code, Code::mission_doubt);
+      EXPECT_NE(told[0].what.about.find("1000 blows in one instant"), std::string::npos) << told[0].what.about;
+    }
+    EXPECT_NEAR(sim.energy().total(), 0.5 * heavy, 1e-9 * heavy);
+  }
+}
+
 /// Bodies on a line that touch: `relative` is the rate of each against the one before it, and so are stops of restitution e.
 Simulation row_of_balls(const std::vector<double>& masses, const std::vector<double>& relative, double e, double gap_behind_first) {
   std::vector<BodySpec> balls;
