@@ -110,7 +110,7 @@ void Simulation::adopt(std::shared_ptr<const Model> model) {
 }
 
 void Simulation::adopt(std::function<Rejoined()> make, std::string told) {
-  if (inside_) refuse_inside();
+  if (within_.looks) refuse_inside();
   next_model_ = std::move(make), next_told_ = std::move(told);
   if (!begun_) take_in();
 }
@@ -152,23 +152,17 @@ void Simulation::take_in() {
   const std::unique_ptr<DeviceForces> devices = std::move(devices_);
   const std::vector<Prescribed> prescribed = std::move(prescribed_);
   const std::vector<PrescribedLoop> prescribed_loops = std::move(prescribed_loops_);
-  const std::vector<Line> lines = std::move(lines_);
-  const std::vector<double> delayed = std::move(delayed_), last_set = std::move(last_set_);
+  const DelayLines delays = std::move(delays_);
+  const CommandAges ages = std::move(ages_);
   std::vector<NodeWrench> given(wrenches_.begin() + before->devices.n_loads, wrenches_.end());
   workspace_ = Workspace(*model_);
   build();
   for (std::size_t i = 0; devices && i < devices->commands.size(); ++i)
     if (map.in[i] >= 0) devices_->commands[static_cast<std::size_t>(map.in[i])] = devices->commands[i];
   alter_ports();
-  for (std::size_t i = 0; i < lines_.size(); ++i)
-    std::copy_n(delayed.begin() + lines[static_cast<std::size_t>(line_before(*before, map, model_->devices.delays[i]))].first,
-                lines_[i].ticks, delayed_.begin() + lines_[i].first);
-  for (std::size_t k = 0; k < last_set_.size(); ++k) {
-    last_set_[k] = state_.t;
-    for (std::size_t i = 0; i < last_set.size(); ++i)
-      if (map.in[static_cast<std::size_t>(before->devices.timeouts[i].input)] == model_->devices.timeouts[k].input)
-        last_set_[k] = last_set[i];
-  }
+  for (std::size_t i = 0; i < model_->devices.delays.size(); ++i)
+    delays_.go_on(i, delays, static_cast<std::size_t>(line_before(*before, map, model_->devices.delays[i])));
+  ages_ = ages.in(before->devices, map, model_->devices, state_.t);
   for (const Prescribed& p : prescribed)
     for (Prescribed& now : prescribed_)
       if (p.given && map.v[static_cast<std::size_t>(p.index)] == now.index) now.profile = p.profile, now.given = true;
@@ -187,7 +181,7 @@ void Simulation::take_in() {
   stop_rounding();
   for (const DeviceHold& h : model_->devices.holds) {  // what is held takes part in a jump of rates, and what slides may slide back
     const bool sticks = state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] != 0.0;
-    holds_begin_anew_ = holds_begin_anew_ || !sticks || state_.v[h.v] != 0.0;
+    holds_.begin_anew = holds_.begin_anew || !sticks || state_.v[h.v] != 0.0;
   }
   changed();
   let_inside();

@@ -14,7 +14,7 @@ void Simulation::remember(Archive& a) {
   const auto numbers = [](Eigen::VectorXd& x) { return std::span(x.data(), static_cast<std::size_t>(x.size())); };
   a.block("state").finite(state_.t, numbers(state_.q), numbers(state_.v), numbers(state_.z), numbers(state_.marks));
   a.block("commands")(std::span(tau_));
-  if (devices_) a(std::span(devices_->commands), std::span(delayed_), std::span(last_set_), faults_);
+  if (devices_) a(std::span(devices_->commands), delays_.numbers(), ages_.times(), faults_);
   if (a.reading() && !std::ranges::all_of(faults_, [this](const RunningFault& f) { return is_of_a_port(f); }))
     a.wrong("a fault of no port");
   for (NodeWrench& w : wrenches_) a(w.f.n.x, w.f.n.y, w.f.n.z, w.f.f.x, w.f.f.y, w.f.f.z);
@@ -24,8 +24,8 @@ void Simulation::remember(Archive& a) {
   for (Limit& limit : limits_) a(limit.passed);
   a.block("schedule")(schedule_);
   if (a.reading() && !schedule_.stands_at(state_.t)) a.wrong("ticks of another time than that of the state");
-  a.block("run")(steps_, last_output_, warned_stiff_, std::span(event_times_), events_seen_, limited_steps_, t_limited_, nearest_.pivot,
-                 nearest_.t);
+  a.block("headway")(headway_);
+  a.block("run")(last_output_, warned_stiff_, nearest_.pivot, nearest_.t);
   a.block("history")(history_);
   a.block("ledger")(balances_);
   a.block("warnings")(warnings_);
@@ -44,7 +44,7 @@ void Simulation::start_anew(Archive& archive) {
 }
 
 Checkpoint Simulation::checkpoint() {
-  if (inside_) refuse_inside();
+  if (within_.looks) refuse_inside();
   if (in_event_)  // what else crosses zero there is still to happen
     refuse(Code::unsupported, {"a checkpoint in the action of an event"}, "one between steps, or in a task", "one among what happens there",
            "a task of every() that makes it at its next tick");
@@ -72,7 +72,7 @@ void Simulation::resume(const Checkpoint& checkpoint) {
   alter_ports();
   tau_total_ = tau_;
   changed();
-  holds_begin_anew_ = false;
+  holds_.begin_anew = false;
   trail_.n = 0;
   if (devices_)  // masses and what is held: the integrator may look at the model before anything is evaluated
     devices_->set({state_.t, state_.z.data(), state_.marks.data(), tau_total_.data(), wrenches_.data()});

@@ -66,7 +66,7 @@ std::string Simulation::told_fault(const PortFault& f) const {
 }
 
 void Simulation::fault(PortFault f, const SourceMark& told) {
-  if (inside_) refuse_inside();
+  if (within_.looks) refuse_inside();
   if (f.from == -std::numeric_limits<double>::infinity()) f.from = state_.t;
   require_index("device", f.device, static_cast<Eigen::Index>(now_.device.size()));
   const Device* d = device_of(*this, f);
@@ -81,10 +81,10 @@ void Simulation::fault(PortFault f, const SourceMark& told) {
   if ((f.noise != 0.0 || f.drop != 0.0) && !d->family->tick)
     refuse(Code::out_of_range, {at.key_path + (f.noise != 0.0 ? ".noise" : ".drop"), told},
            "a device that samples: they are drawn at its ticks", fmt::format("{}, a {}, which does not", d->name, d->family->type));
-  if (f.delay != 0.0 && (!d->family->tick || ticks_of_delay(*d, f.delay) == 0)) {
-    const std::string ticks =
-        d->family->tick ? fmt::format("a whole number of ticks of {}, {:g} s each, at most {}", d->name, period_seconds(*d), kMostTicks)
-                        : "a device that samples: values are kept at its ticks";
+  if (f.delay != 0.0 && (!d->family->tick || ticks_of_delay(*model_, *d, f.delay) == 0)) {
+    const std::string ticks = d->family->tick ? fmt::format("a whole number of ticks of {}, {:g} s each, at most {}", d->name,
+                                                            period_of(*model_, *d).value(), kMostTicks)
+                                              : "a device that samples: values are kept at its ticks";
     refuse(Code::out_of_range, {at.key_path + ".delay", told}, ticks,
            d->family->tick ? fmt::format("{:g} s", f.delay) : fmt::format("{}, a {}, which does not", d->name, d->family->type));
   }
@@ -113,7 +113,7 @@ void Simulation::fault(PortFault f, const SourceMark& told) {
 }
 
 void Simulation::mend(int device, bool input, int place) {
-  if (inside_) refuse_inside();
+  if (within_.looks) refuse_inside();
   const auto there = std::ranges::find_if(
       faults_, [&](const RunningFault& f) { return f.begun && same_port(f, {.device = device, .input = input, .place = place}); });
   if (there != faults_.end()) end_fault(there - faults_.begin());
@@ -155,7 +155,7 @@ void Simulation::change_faults() {
     if (const Device* d = device_of(*this, begun); d && begun.delay > 0.0) {  // until the first comes through, what it is now
       RunningFault& late = faults_.back();
       late.late = unaltered(index_of(*d, begun), begun.input);
-      late.line.assign(static_cast<std::size_t>(ticks_of_delay(*d, begun.delay)), late.late);
+      late.line.assign(static_cast<std::size_t>(ticks_of_delay(*model_, *d, begun.delay)), late.late);
       alter_ports();
     }
     renew(begun);

@@ -1,11 +1,10 @@
-// Devices in a run: their ticks on the schedule, inputs that come later, commands that grow old, and what they do at their roots.
+// Devices in a run: their ticks on the schedule, and what they do at their roots.
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include "core/abi/port_vectors.hpp"
 #include "core/base/noise.hpp"
 #include "core/model/device_units.hpp"
 #include "core/sim/simulation.hpp"
@@ -17,9 +16,6 @@ namespace {
 /// Its noise, and what it may change.
 std::size_t numbers_of_tick(const Device& d) { return std::size_t{d.family->n_noise} + d.family->n_states + d.family->n_marks; }
 
-/// [s] when a command that was set at t is too old: later than a tick that comes after just `timeout`, whatever rounding did to both.
-double due(double t, double timeout) { return (t + timeout) * (1.0 + 4.0 * std::numeric_limits<double>::epsilon()); }
-
 }  // namespace
 
 /// Puts devices with a sampled part on the schedule, who gives before who takes: sensors at once, others after the controllers.
@@ -29,16 +25,15 @@ void Simulation::sample_devices(bool late) {
   for (const int i : model_->devices.order) {
     const Device& d = model_->devices.all[static_cast<std::size_t>(i)];
     if (!d.family->tick || ticks_late(d) != late) continue;
-    Rational offset;
-    const Rational period = period_of(d, &offset);
-    const double seconds = static_cast<double>(period.numerator) / static_cast<double>(period.denominator);
+    const Rational period = period_of(*model_, d);
     noise_.resize(std::max(noise_.size(), numbers_of_tick(d)));
     const auto id = static_cast<std::size_t>(id_of(now_.device, i));
     add_task(
-        period, offset,
-        [this, id, seconds] {
+        period, offset_of(*model_, d),
+        [this, id, tick = period.value()] {
           const int device = now_.device[id];
-          shift_delays(device), draw_faults(device, true), tick_device(device, seconds), draw_faults(device, false);
+          delays_.shift(model_->devices, device, [this](int input, double number) { set_device_input(input, number); });
+          draw_faults(device, true), tick_device(device, tick), draw_faults(device, false);
         },
         false, static_cast<int>(id));
   }
@@ -46,11 +41,11 @@ void Simulation::sample_devices(bool late) {
   // After all ticks of an instant: what is taken later is what outputs are now.
   for (std::size_t i = 0; i < model_->devices.all.size(); ++i)
     if (std::ranges::any_of(model_->devices.delays, [&](const DelayLine& line) { return line.clock == static_cast<int>(i); })) {
-      Rational offset;
-      const Rational period = period_of(model_->devices.all[i], &offset);
+      const Device& clock = model_->devices.all[i];
       const int id = id_of(now_.device, static_cast<int>(i));
       add_task(
-          period, offset, [this, id] { sample_delays(now_.device[static_cast<std::size_t>(id)]); }, false, id);
+          period_of(*model_, clock), offset_of(*model_, clock), [this, id] { sample_delays(now_.device[static_cast<std::size_t>(id)]); },
+          false, id);
     }
 }
 
@@ -68,97 +63,21 @@ bool Simulation::only_looks(int index) const {
          std::ranges::none_of(all.timeouts, [&d](const CommandTimeout& t) { return t.input >= d.in && t.input < d.in + d.n_in; });
 }
 
-Rational Simulation::period_of(const Device& d, Rational* offset) const {
-  const DeviceSpec& spec = model_->spec->devices[static_cast<std::size_t>(d.spec)];
-  const std::string path = "devices." + d.name;
-  if (offset && spec.offset != 0.0) {
-    const auto at = model_->spec->locate(path + ".offset");
-    const auto exact = to_rational(spec.offset);
-    if (!(spec.offset > 0.0) || !exact || exact->numerator > Rational::kLargest)
-      refuse(Code::out_of_range, at, "a time >= 0 that is a ratio of whole numbers", fmt::format("{:g} s", spec.offset));
-    *offset = *exact;
-  }
-  return spec.rate > 0.0 ? period_from_hertz(spec.rate, model_->spec->locate(path + ".rate"))
-                         : period_from_seconds(spec.period, model_->spec->locate(path + ".period"));
-}
-
-namespace {
-
-/// time / period, a whole number up to kMostTicks; 0: it is none.
-int whole_ticks(double time, const Rational& period) {
-  const auto ratio = to_rational(time);
-  // time / period = (a d) / (b n)
-  const std::int64_t above = ratio ? ratio->numerator * period.denominator : 1, below = ratio ? ratio->denominator * period.numerator : 0;
-  return below == 0 || above % below != 0 || above / below > kMostTicks ? 0 : static_cast<int>(above / below);
-}
-
-double seconds(const Rational& period) { return static_cast<double>(period.numerator) / static_cast<double>(period.denominator); }
-
-}  // namespace
-
-double Simulation::period_seconds(const Device& d) const { return seconds(period_of(d, nullptr)); }
-int Simulation::ticks_of_delay(const Device& d, double delay) const { return whole_ticks(delay, period_of(d, nullptr)); }
-
-/// A latency in ticks; the memory of all lines.
-void Simulation::resolve_delays() {
-  lines_.clear(), delayed_.clear();
-  for (const DelayLine& line : model_->devices.delays) {
-    const Device& clock = model_->devices.all[static_cast<std::size_t>(line.clock)];
-    int ticks = line.ticks;
-    if (ticks == 0) {
-      const double tick = period_seconds(clock);
-      ticks = ticks_of_delay(clock, line.latency);
-      if (ticks == 0) {
-        const double nearest = std::max(1.0, std::round(line.latency / tick));
-        refuse(Code::bad_connection, model_->spec->locate(told_input(line.input) + ".latency"),
-               fmt::format("a whole number of ticks of {}, {:g} s each, at most {}", clock.name, tick, kMostTicks),
-               fmt::format("{:g} s", line.latency), fmt::format("{:g} s, or another rate of {}", nearest * tick, clock.name));
-      }
-    }
-    lines_.push_back({ticks, static_cast<int>(delayed_.size())});
-    delayed_.insert(delayed_.end(), static_cast<std::size_t>(ticks), line.fallback);
-  }
-}
-
-/// "devices.wheel.inputs.torque".
-std::string Simulation::told_input(int input) const {
-  for (const Device& d : model_->devices.all)
-    if (input >= d.in && input < d.in + d.n_in)
-      return fmt::format("devices.{}.inputs.{}", d.name, port_at(*d.family, CARDAN_PORT_IN, input - d.in).name);
-  return "devices";
-}
-
-/// At a tick of its clock a line gives its oldest number, until the next.
-void Simulation::shift_delays(int clock) {
-  for (std::size_t i = 0; i < lines_.size(); ++i) {
-    const DelayLine& line = model_->devices.delays[i];
-    if (line.clock != clock) continue;
-    double* first = delayed_.data() + lines_[i].first;
-    set_device_input(line.input, *first);
-    std::copy(first + 1, first + lines_[i].ticks, first);
-  }
-}
-
 void Simulation::sample_delays(int clock) {
-  for (std::size_t i = 0; i < lines_.size(); ++i) {
-    const DelayLine& line = model_->devices.delays[i];
-    if (line.clock != clock) continue;
-    observe();
+  observe();
+  delays_.sample(model_->devices, clock, [this](const std::vector<int>& outs) {
     double sum = 0.0;
-    for (const int out : line.outs) sum += devices_->output(out);
-    delayed_[static_cast<std::size_t>(lines_[i].first + lines_[i].ticks - 1)] = sum;
-  }
+    for (const int out : outs) sum += devices_->output(out);
+    return sum;
+  });
 }
 
 /// After the ticks of an instant.
 void Simulation::expire_commands() {
-  for (std::size_t k = 0; k < last_set_.size(); ++k) {
-    const CommandTimeout& timeout = model_->devices.timeouts[k];
-    if (state_.t < due(last_set_[k], timeout.timeout)) continue;
+  ages_.expire(model_->devices, state_.t, [this](const CommandTimeout& timeout) {
     set_device_input(timeout.input, timeout.safe);
-    last_set_[k] = std::numeric_limits<double>::infinity();
-    if (recorder_) recorder_->note(Note::event, state_.t, {told_input(timeout.input), "timeout"});
-  }
+    if (recorder_) recorder_->note(Note::event, state_.t, {told_input(*model_, timeout.input), "timeout"});
+  });
 }
 
 void Simulation::tick_device(int index, double period) {
@@ -212,7 +131,7 @@ void Simulation::start_devices(std::span<const int> but) {
     if (std::ranges::find(but, static_cast<int>(i)) == but.end())
       device_event(static_cast<int>(i), model_->devices.all[i].family->n_roots, 0);
   changed();
-  holds_begin_anew_ = false;
+  holds_.begin_anew = false;
   settle_holds();
 }
 
@@ -248,12 +167,6 @@ bool Simulation::device_events(std::span<const int> crossed) {
   if (hold_events(crossed)) any = true;
   if (any) settle_holds();
   return any;
-}
-
-double Simulation::next_timeout() const {
-  double t = std::numeric_limits<double>::infinity();
-  for (std::size_t k = 0; k < last_set_.size(); ++k) t = std::min(t, due(last_set_[k], model_->devices.timeouts[k].timeout));
-  return t;
 }
 
 }  // namespace cardan

@@ -187,7 +187,7 @@ void Simulation::start_closed() {
   // Rows that contradict each other by what was typed hold almost nothing beside each other: what closes them is far away.
   const double moved = ((state_.q - as_given).array().abs() / as_given.array().abs().max(1.0)).maxCoeff();
   const double far = kGivenMoves * std::max(loops_->distance(), kGivenOpen);
-  if (steps_ == 0 && !(moved <= far)) {
+  if (headway_.steps() == 0 && !(moved <= far)) {
     obstacle_.breakdown = {.body = 1, .value = loops_->distance(), .limit = loops_->distance() * far / moved, .row = loops_->worst()};
     state_.q = as_given;
     keep_broken(state_.t, state_.q.data());
@@ -208,7 +208,7 @@ void Simulation::start_closed() {
 }
 
 double Simulation::next_corner() const {
-  double t = std::min(next_timeout(), next_fault());
+  double t = std::min(ages_.next(model_->devices), next_fault());
   for (const auto& p : prescribed_) t = std::min(t, p.profile.next_corner(state_.t));
   for (const auto& p : prescribed_loops_) t = std::min(t, p.profile.next_corner(state_.t));
   return t;

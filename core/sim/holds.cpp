@@ -32,12 +32,12 @@ int way_of(const Holding::Force& f) { return f.leaves != 0 ? f.leaves : f.force 
 
 Inputs Simulation::hold_inputs(double t, const double* x) {
   const double *q = x, *v = q + model_->nq;
-  hold_tau_ = tau_;
-  hinge_laws::add_forces(*model_, q, v, hold_tau_.data());
-  hold_vdot_ = vdot_given_;
-  for (const Prescribed& p : prescribed_) hold_vdot_[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t, std::min(t, stretch_));
-  drive_loops(t, std::min(t, stretch_), hold_drives_);
-  return {.q = q, .v = v, .tau = hold_tau_.data(), .vdot = hold_vdot_.data(), .wrenches = wrenches_, .drives = hold_drives_.data()};
+  holds_.tau = tau_;
+  hinge_laws::add_forces(*model_, q, v, holds_.tau.data());
+  holds_.vdot = vdot_given_;
+  for (const Prescribed& p : prescribed_) holds_.vdot[static_cast<std::size_t>(p.index)] = p.profile.acceleration(t, std::min(t, stretch_));
+  drive_loops(t, std::min(t, stretch_), holds_.drives);
+  return {.q = q, .v = v, .tau = holds_.tau.data(), .vdot = holds_.vdot.data(), .wrenches = wrenches_, .drives = holds_.drives.data()};
 }
 
 bool Simulation::look_at_holds(double t, const double* x) {
@@ -96,7 +96,7 @@ bool Simulation::hold_what_is_blocked(const std::vector<int>& let_go) {
   for (std::size_t i = 0; i < let_go.size(); ++i) {
     const DeviceHold& h = model_->devices.holds[i];
     if (let_go[i] != 0 || model_->prescribed[static_cast<std::size_t>(h.v)] != 0 ||
-        !holding_->is_blocked_by_others(i, state_.q.data(), hold_drives_.data()))
+        !holding_->is_blocked_by_others(i, state_.q.data(), holds_.drives.data()))
       continue;
     hold_again(h);
     any = any || model_->prescribed[static_cast<std::size_t>(h.v)] != 0;
@@ -106,7 +106,7 @@ bool Simulation::hold_what_is_blocked(const std::vector<int>& let_go) {
 
 /// What was to stop where its root was passed got a rate in the same instant: it slides on with that.
 bool Simulation::is_thrown_on(const DeviceHold& h) const {
-  return (jumped_ || holds_begin_anew_) && std::abs(state_.v[h.v]) > kStillMoves * scale_of_rates();
+  return (jumped_ || holds_.begin_anew) && std::abs(state_.v[h.v]) > kStillMoves * scale_of_rates();
 }
 
 /// A rate that a jump has left of nothing is none.
@@ -120,7 +120,7 @@ void Simulation::stop_rounding() {
 /// looked at: of closed loops that are held in more places than they need be nothing could be evaluated.
 void Simulation::start_holds() {
   const auto& holds = model_->devices.holds;
-  if (!std::exchange(holds_begin_anew_, false) || !begun_ || holds.empty()) return;
+  if (!std::exchange(holds_.begin_anew, false) || !begun_ || holds.empty()) return;
   stop_rounding();
   for (const DeviceHold& h : holds)
     if (state_.v[h.v] != 0.0) state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] = 0.0;
@@ -135,19 +135,19 @@ void Simulation::start_holds() {
 /// is held again.
 void Simulation::settle_holds() {
   start_holds();
-  std::vector<int> let_go = std::move(let_go_);  // its room is kept; what a device does as it breaks away may come here again
+  std::vector<int> let_go = std::move(holds_.let_go);  // its room is kept; what a device does as it breaks away may come here again
   let_go.assign(model_->devices.holds.size(), 0);
   settle_holds(let_go);
-  let_go_ = std::move(let_go);
+  holds_.let_go = std::move(let_go);
 }
 void Simulation::settle_holds(std::vector<int>& let_go) {
   const auto& holds = model_->devices.holds;
   for (std::size_t pass = 0; holding_ && pass <= kRounds * holds.size(); ++pass) {
     if (!anything_is_held() && std::ranges::all_of(let_go, [](int way) { return way == 0; })) return;
     if (!loops_) stop_what_is_held();  // with loops once it is known to hold: others may move on
-    hold_x_.resize(x_given_.size());
-    pack(hold_x_.data());
-    if (!look_at_holds(state_.t, hold_x_.data())) return;  // told where the dynamics come upon it
+    holds_.x.resize(x_given_.size());
+    pack(holds_.x.data());
+    if (!look_at_holds(state_.t, holds_.x.data())) return;  // told where the dynamics come upon it
     const auto& forces = holding_->forces();
     const auto is_loose = [&](std::size_t i) { return overload(forces[i]) > kLoose; };
     const auto is_pushed_along = [&](std::size_t i) { return let_go[i] * forces[i].acceleration < 0.0; };
@@ -172,9 +172,9 @@ bool Simulation::hold_events(std::span<const int> crossed) {
   bool any = false;
   for (std::size_t i = 0; holding_ && i < model_->devices.holds.size(); ++i) {
     if (crossed[static_cast<std::size_t>(model_->devices.n_roots) + i] >= 0) continue;
-    hold_x_.resize(x_given_.size());
-    pack(hold_x_.data());
-    if (look_at_holds(state_.t, hold_x_.data()) && holding_->forces()[i].held) break_away(i, way_of(holding_->forces()[i]));
+    holds_.x.resize(x_given_.size());
+    pack(holds_.x.data());
+    if (look_at_holds(state_.t, holds_.x.data()) && holding_->forces()[i].held) break_away(i, way_of(holding_->forces()[i]));
     any = true;
   }
   return any;

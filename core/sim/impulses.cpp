@@ -105,7 +105,7 @@ void Simulation::jump(const std::string& by) {
 
   find_jump();
   state_.v += impulse_.jump;
-  holds_begin_anew_ = jumped_ = true;
+  holds_.begin_anew = jumped_ = true;
   changed();
   if (!m.devices.holds.empty()) settle_holds();
 

@@ -138,30 +138,6 @@ void Simulation::warn(Code code, Located at, std::string about, std::string hint
   if (told_) told_(warnings_.all().back());
 }
 
-/// As many events as the ring holds, in less than 1e-7 of the time that is left: the end is more than 1e10 events away.
-void Simulation::expect_no_storm(const Event& event) {
-  double& earliest = event_times_[events_seen_ % event_times_.size()];
-  const double span = state_.t - earliest;
-  if (events_seen_ >= event_times_.size() && span <= 1e-7 * (t_end_ - state_.t))
-    fail({Code::event_storm, state_.t, "", "",
-          fmt::format("{} events in the last {:.2g} s, the last of them \"{}\"", event_times_.size(), span, event.name),
-          "let the action leave the zero of `when` for good: a band (hysteresis), a latch, a smallest time between two events", ""});
-  earliest = state_.t;
-  ++events_seen_;
-}
-
-/// Looks once in so many steps whether the end can be reached at all.
-void Simulation::expect_progress() {
-  constexpr long kLook = 200'000;
-  if (steps_ - looked_at_ < kLook) return;
-  const double advanced = state_.t - t_looked_at_, left = t_end_ - state_.t;
-  looked_at_ = steps_, t_looked_at_ = state_.t;
-  if (!std::isfinite(left) || left <= 1e7 * advanced) return;
-  fail({Code::step_too_small, state_.t, "", "",
-        fmt::format("time does not advance: the last {} steps went {:.2g} s further, {:.3g} s are left", kLook, advanced, left),
-        "rates or a stiffness beyond all measure, or a max_step or step that is far too small", ""});
-}
-
 void Simulation::say_doubts() {
   Warnings doubts = doubts_at_start(*model_, state_.q.data(), state_.v.data());
   doubts.add(loops_far_from_home(*this));
@@ -237,15 +213,10 @@ int Simulation::gravity_beyond(int k) const {
 void Simulation::expect_within_fields() {
   const FieldFault* tried = devices_ ? devices_->tried_limit() : nullptr;
   const bool near = !gravity_stopped_.empty() || tried;
-  constexpr int kMost = 50;
-  if (near) {
-    if (state_.t - t_limited_ > 1e-6 * (t_end_ - state_.t)) limited_steps_ = 0;
-    t_limited_ = state_.t;
-    ++limited_steps_;
-  }
-  if (limited_steps_ > kMost && !gravity_stopped_.empty()) fail(explain({}));
+  const bool crawls = near && headway_.crawls(state_.t, t_end_);
+  if (crawls && !gravity_stopped_.empty()) fail(explain({}));
   const FieldFault* passed = devices_ ? devices_->passed_limit() : nullptr;
-  if (!passed && limited_steps_ > kMost) passed = tried;
+  if (!passed && crawls) passed = tried;
   if (passed) fail(beyond_a_field(*passed));
   if (!near) return;
   gravity_stopped_.clear();

@@ -15,6 +15,7 @@ namespace cardan {
 /// numerator/denominator in lowest terms, denominator > 0; seconds or hertz, as the name of the variable says.
 struct Rational {
   std::int64_t numerator = 0, denominator = 1;
+  double value() const { return static_cast<double>(numerator) / static_cast<double>(denominator); }
   static constexpr std::int64_t kLargest = 1'000'000'000;  // of both, in a Schedule
 };
 

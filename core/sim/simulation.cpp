@@ -100,8 +100,8 @@ void Simulation::build() {
     for (const DeviceMount& mount : d.mounts)
       if (mount.node >= 0 && (mount.use & CARDAN_USE_LOAD) != 0) wrenches_[static_cast<std::size_t>(mount.load)].node = mount.node;
   stores_ = std::ranges::any_of(m.devices.all, [](const Device& d) { return d.family->momentum != nullptr; });
-  resolve_delays();
-  last_set_.assign(m.devices.timeouts.size(), 0.0);
+  delays_ = DelayLines(m);
+  ages_ = CommandAges(m.devices);
   if (!m.devices.holds.empty()) holding_ = std::make_unique<Holding>(m, own_.get());
   if (m.devices.n_roots == 0 && m.devices.n_edges == 0) return;
   on_trial_ = std::make_unique<DeviceForces>(m);
@@ -125,7 +125,7 @@ void Simulation::set_state(const State& state) {
   if (state_.z.size() != model_->devices.n_z) state_.z = Eigen::VectorXd::Map(model_->devices.z0.data(), model_->devices.n_z);
   if (state_.marks.size() != model_->devices.n_marks)
     state_.marks = Eigen::VectorXd::Map(model_->devices.marks0.data(), model_->devices.n_marks);
-  holds_begin_anew_ = true;
+  holds_.begin_anew = true;
   changed();
 }
 
@@ -149,7 +149,7 @@ void Simulation::take_over(const Simulation& other) {
   if (prescribed_loops_.size() == other.prescribed_loops_.size())  // not of loops that were open there
     prescribed_loops_ = other.prescribed_loops_, drives_ = other.drives_;
   if (devices_ && other.devices_) devices_->take_commands(*other.devices_), faults_ = other.faults_;
-  if (delayed_.size() == other.delayed_.size()) delayed_ = other.delayed_;
+  delays_.take_over(other.delays_);
   for (std::size_t i = 0; i < std::min(wrenches_.size(), other.wrenches_.size()); ++i) wrenches_[i].f = other.wrenches_[i].f;
 }
 
@@ -194,7 +194,7 @@ void Simulation::add_event(Event event) {
   if (!event.function) refuse(Code::missing_key, {"event " + event.name}, "the function whose zeros it is at", "none");
   expect_before_run("an event that is added");
   events_.push_back(std::move(event));
-  event_times_.resize(1000);
+  headway_.watch_events();
 }
 
 /// "boom.angle" of a velocity component.
@@ -248,8 +248,7 @@ void Simulation::set_wrench(int slot, const Force<double>& f) {
 
 void Simulation::set_device_input(int i, double value) {
   double& command = devices_->commands[static_cast<std::size_t>(i)];
-  for (std::size_t k = 0; k < last_set_.size(); ++k)
-    if (model_->devices.timeouts[k].input == i) last_set_[k] = state_.t;
+  ages_.set(model_->devices, i, state_.t);
   if (command == value) return;
   command = value;
   const auto& all = model_->devices.all;
@@ -478,7 +477,7 @@ void Simulation::project(double t, double* x) {
   if (normalised_) unless_thrown([&] { model_->normalise(x); });
   give_motion(t, x, x + model_->nq);
   if (loops_ && !close_loops(t, x, x + model_->nq)) x[0] = std::numeric_limits<double>::quiet_NaN();
-  if (momentum_ && !acted_on()) momentum_->keep(x, x + model_->nq, inside_);
+  if (momentum_ && !acted_on()) momentum_->keep(x, x + model_->nq, within_.looks);
 }
 
 int Simulation::n_roots() const {
@@ -644,13 +643,13 @@ LedgerState Simulation::ledger() {
   if (ledger_known_) return ledger_;
   ledger_known_ = true;
   Balances::Integrals y = Balances::Integrals::Zero(), off = y;
-  if (integrator_) integrator_->integrals(inside_ ? t_inside_ : state_.t, y.data(), off.data());
+  if (integrator_) integrator_->integrals(within_.looks ? within_.t : state_.t, y.data(), off.data());
   const Momentum p = momentum();
   const Energy e = energy();
   if (loops_) off += off_near_singular(loops_->pivot(), options_.integrator.relative_tolerance, p, e);
-  ledger_ = balances_.look(p, e, y, off, statistics(), options_.integrator.relative_tolerance, inside_);
-  if (inside_) {  // it is judged where the step ends
-    ledger_asked_ = true;
+  ledger_ = balances_.look(p, e, y, off, statistics(), options_.integrator.relative_tolerance, within_.looks);
+  if (within_.looks) {  // it is judged where the step ends
+    within_.ledger = true;
     return ledger_;
   }
   for (const auto& [name, sentence] : balances_.beyond(integrator_name()))

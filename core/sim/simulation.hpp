@@ -14,7 +14,9 @@
 #include "core/io/recorder.hpp"
 #include "core/model/model_map.hpp"
 #include "core/sim/balances.hpp"
+#include "core/sim/device_clocks.hpp"
 #include "core/sim/dynamics.hpp"
+#include "core/sim/headway.hpp"
 #include "core/sim/holding.hpp"
 #include "core/sim/momentum_keeper.hpp"
 #include "core/sim/motion_profile.hpp"
@@ -112,7 +114,7 @@ class Simulation {
   void take_over(const Simulation& other);
   /// InputError C0301 for an index that there is not, here and in all commands.
   double& q(int i) { return require_index("coordinate", i, model_->nq), changed(), state_.q[i]; }
-  double& v(int i) { return require_index("velocity component", i, model_->nv), holds_begin_anew_ = true, changed(), state_.v[i]; }
+  double& v(int i) { return require_index("velocity component", i, model_->nv), holds_.begin_anew = true, changed(), state_.v[i]; }
   /// A task that runs at every tick, in the order of these calls. Commands set by tasks hold until they are set again. Before the run, as
   /// watch(), add_event() and record(): InputError C0401 once it has begun.
   void every(Rational period, std::function<void()> task, Rational offset = {});
@@ -191,7 +193,7 @@ class Simulation {
   /// Before the run: the recorder gets how the method went through each of these intervals, from StepHistory. A multiple of the period of
   /// record() adds no instant.
   void record_steps(Rational period) {
-    watch(period, [this] { inside_ ? void(keep_later_ = true) : keep_steps(); });
+    watch(period, [this] { within_.looks ? void(within_.keep_steps = true) : keep_steps(); });
   }
   /// Between steps: ends an interval of the history here, as run() does at its end.
   void keep_steps();
@@ -257,7 +259,7 @@ class Simulation {
   void build();
   void take_in();
   void changed() {
-    if (inside_) refuse_inside();
+    if (within_.looks) refuse_inside();
     weigh(), start_anew_for(doing_), observed_ = ledger_known_ = false;
   }
   [[noreturn]] static void refuse_inside();
@@ -353,21 +355,14 @@ class Simulation {
   bool only_looks(int device) const;
   void let_inside();
   void tick_device(int device, double period);
-  Rational period_of(const Device& device, Rational* offset) const;
-  std::string told_input(int input) const;
-  void resolve_delays();
-  void shift_delays(int clock);
   void sample_delays(int clock);
   void expire_commands();
-  double next_timeout() const;
   bool is_of_a_port(const PortFault& fault) const;
   void change_faults();
   void begin_faults_anew();
   void end_fault(std::ptrdiff_t i);
   void make_way(const RunningFault& begun);
   double unaltered(int port, bool input);
-  double period_seconds(const Device& device) const;
-  int ticks_of_delay(const Device& device, double delay) const;
   double next_fault() const;
   void alter_ports();
   void renew(const PortFault& fault);
@@ -405,8 +400,6 @@ class Simulation {
   double next_corner() const;
   void begin_ledger();
   void weigh_tolerances();  // what balances of the vehicle as it is now are worth at a rate of the absolute tolerances
-  void expect_progress();
-  void expect_no_storm(const Event& event);
   void say_doubts();
   void foresee_stiffness(double t_end);
   void say_stiff();
@@ -458,8 +451,6 @@ class Simulation {
   std::unique_ptr<Observer> observer_;
   std::unique_ptr<FieldMoments> fields_;  // of gravity that is a field; null: it is none
   int gravity_field_ = -1;
-  int limited_steps_ = 0;                       // that a limit of a field made smaller, and that hardly went further ...
-  double t_limited_ = 0.0;                      // [s] ... since then
   std::string gravity_stopped_;                 // beyond which limit gravity was asked in a step; empty: it was not
   const FieldMoment* moment_ = nullptr;         // at the time of the last evaluation
   std::unique_ptr<DeviceForces> devices_;       // null: there are none
@@ -489,10 +480,13 @@ class Simulation {
   std::vector<Task> tasks_;
   std::function<double()> next_instant_;  // of at_instants(); null: there are none
   std::function<void()> at_instant_;
-  bool inside_ = false, keep_later_ = false, ledger_asked_ = false;  // in a look inside of a step; what is to follow at its end
-  double t_inside_ = 0.0;                                            // [s] where the integrator is asked for the state
-  std::vector<double> x_inside_;
-  std::vector<std::pair<double, double>> event_ends_;  // of the functions of events, at the start and the end of the step looked into
+  struct {
+    bool looks = false;                       // now
+    bool keep_steps = false, ledger = false;  // was asked for there: it follows where the step ends
+    double t = 0.0;                           // [s] where the integrator is asked for the state
+    std::vector<double> x;
+    std::vector<std::pair<double, double>> event_ends;  // of the functions of events, at both ends of the step
+  } within_;                                            // a step: the look of what only looks
   long ended_by_looking_ = 0;
   std::int64_t tick_ = 0;        // how-manieth of the task that runs
   bool actuators_tick_ = false;  // devices with inputs are on the schedule: after all tasks before record() or run()
@@ -503,12 +497,8 @@ class Simulation {
     std::vector<NodeWrench> wrenches;
     Eigen::VectorXd hinges, force, rest, jump;
   } impulse_;  // that strike() is to do
-  struct Line {
-    int ticks, first;  // of DelayLine: how many, and where its numbers begin
-  };
-  std::vector<Line> lines_;
-  std::vector<double> delayed_;   // line by line, the oldest first
-  std::vector<double> last_set_;  // [s] of Devices::timeouts; infinite: it is at its safe value
+  DelayLines delays_;
+  CommandAges ages_;
   std::vector<RunningFault> faults_;
   std::vector<Event> events_;
   struct Limit {
@@ -554,9 +544,13 @@ class Simulation {
     int n = 0;
     void add(double t, double pivot, const std::vector<double>& x);
   } trail_;
-  std::vector<double> hold_tau_, hold_vdot_, hold_x_;  // scratch
-  std::vector<int> let_go_;                            // likewise
-  std::vector<double> passing_;                        // roots of devices before the jumps that are under way, those of the innermost last
+  struct {
+    bool begin_anew = false;           // at settle_holds(): rates were set, or what loads them was commanded for the first time
+    std::vector<double> tau, vdot, x;  // scratch
+    std::vector<LoopDrive> drives;     // likewise
+    std::vector<int> let_go;           // likewise
+  } holds_;                            // Devices::holds in a run
+  std::vector<double> passing_;        // roots of devices before the jumps that are under way, those of the innermost last
   struct {
     int depth = 0;  // jumps within jumps
     struct Device {
@@ -565,7 +559,6 @@ class Simulation {
     };
     std::map<std::string, Device> devices;  // those with `follow`
   } felt_;
-  std::vector<LoopDrive> hold_drives_;                        // likewise
   std::vector<double> x_given_;                               // a state of the integrator with the given motions put in
   double stretch_ = std::numeric_limits<double>::infinity();  // [s] during a step: a time on its stretch between two corners
   std::vector<NodeWrench> wrenches_;
@@ -585,9 +578,8 @@ class Simulation {
     return body + "." + what;
   }};
   bool observed_ = false, stopped_ = false, begun_ = false, world_rates_ = false;
-  bool holds_begin_anew_ = false;  // at settle_holds(): rates were set, or what loads them was commanded for the first time
-  bool jumped_ = false;            // rates, by a blow where what runs now came to pass
-  bool in_event_ = false;          // the action of one runs
+  bool jumped_ = false;    // rates, by a blow where what runs now came to pass
+  bool in_event_ = false;  // the action of one runs
   /// What stood in the way of the last evaluation that failed in a step, or as loops were closed: what explain() tells.
   struct Obstacle {
     soa::Breakdown breakdown;
@@ -607,10 +599,8 @@ class Simulation {
   Balances balances_;
   LedgerState ledger_;  // at the present state, if known
   bool ledger_known_ = false, warned_stiff_ = false;
-  long steps_ = 0, looked_at_ = 0;  // taken; when time was last seen to advance
-  double t_looked_at_ = 0.0, t_end_ = 0.0;
-  std::vector<double> event_times_;  // ring of the last ones
-  std::size_t events_seen_ = 0;
+  Headway headway_;
+  double t_end_ = 0.0;  // [s]
   Warnings warnings_;
   std::function<void(const Warning&)> told_;
   std::function<void()> adopted_told_;

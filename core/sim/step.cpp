@@ -34,7 +34,7 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   forget_failure();
   if (begin()) foresee_stiffness(t_end);
   t_end_ = t_end;
-  looked_at_ = steps_, t_looked_at_ = state_.t;
+  headway_.begin(state_.t);
   while (!stopped_) {
     doing_ = RestartCause::tick;
     change_faults();
@@ -45,9 +45,9 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
     if (next_model_) take_in();
     if (stopped_ || state_.t >= t_end) break;
     step(std::min({t_end, schedule_.stop(), next_corner(), next_instant()}));
-    if (std::exchange(keep_later_, false)) keep_steps();
+    if (std::exchange(within_.keep_steps, false)) keep_steps();
     if (next_model_) take_in();
-    expect_progress();
+    if (auto failure = headway_.stalls(state_.t, t_end_)) fail(std::move(*failure));
     if (progress) progress(state_.t);
   }
   keep_steps();
@@ -59,14 +59,14 @@ bool Simulation::begin() {
   if (std::exchange(begun_, true)) return false;
   try {
     schedule_.start(state_.t);
-    std::ranges::fill(last_set_, state_.t);
+    ages_.all_set(state_.t);
     begin_faults_anew();
     start_devices();
     start_lengths();
     start_closed();
     begin_ledger();
     say_doubts();
-    holds_begin_anew_ = true;  // what gave way before the first tick is asked once more with its commands
+    holds_.begin_anew = true;  // what gave way before the first tick is asked once more with its commands
   } catch (...) {
     begun_ = false;
     throw;
@@ -115,7 +115,7 @@ void Simulation::step(double t_stop) {
     fail(explain(e.failure()));
   }
   history_.stepped(report, report.t - state_.t, integrator_->worst());
-  ++steps_;
+  headway_.step();
   if (!thrown_.empty()) fail(explain({}));
   expect_finite(x_);
   const double pivot = loops_ ? loops_->pivot() : 1.0;
@@ -126,7 +126,7 @@ void Simulation::step(double t_stop) {
   unpack(x_.data());
   if (!model_->fields.empty()) expect_within_fields();
   observed_ = ledger_known_ = false;
-  if (std::exchange(ledger_asked_, false)) ledger();
+  if (std::exchange(within_.ledger, false)) ledger();
   if (report.stiff) say_stiff();
   if (report.rounding > 0.0) say_rounding(report);
   if (recorder_ && !report.goes_on.empty())
@@ -221,7 +221,7 @@ void Simulation::tick() {
     (task.looks ? looked : acted) = true;
     task.work();
   }
-  if (looked && !acted && !inside_ && !restart_ && state_.t < t_end_) ++ended_by_looking_;
+  if (looked && !acted && !within_.looks && !restart_ && state_.t < t_end_) ++ended_by_looking_;
 }
 
 /// What only looks and is to happen before t_end, where the step just made ends: at states inside of it, by the method's polynomial. The
@@ -229,27 +229,27 @@ void Simulation::tick() {
 void Simulation::look_inside(double t_end) {
   constexpr double eps = std::numeric_limits<double>::epsilon(), kMissed = 1e-3;  // of what a function is at the ends of a step
   const struct Look {
-    explicit Look(Simulation& of) : sim(of), drifted(of.drifted_) { sim.inside_ = true; }
-    ~Look() { sim.inside_ = false, sim.drifted_ = drifted; }
+    explicit Look(Simulation& of) : sim(of), drifted(of.drifted_) { sim.within_.looks = true; }
+    ~Look() { sim.within_.looks = false, sim.drifted_ = drifted; }
     Look(const Look&) = delete;
     Look& operator=(const Look&) = delete;
     Simulation& sim;
     bool drifted;
   } look(*this);
-  x_inside_.resize(x_.size());
+  within_.x.resize(x_.size());
   const auto of_event = [&](std::size_t i, double t, const double* x) { return events_[i].function(t, x, x + model_->nq); };
   if (!events_.empty()) {
-    pack(x_inside_.data());
-    event_ends_.resize(events_.size());
+    pack(within_.x.data());
+    within_.event_ends.resize(events_.size());
     for (std::size_t i = 0; i < events_.size(); ++i)
-      event_ends_[i] = {of_event(i, state_.t, x_inside_.data()), of_event(i, t_end, x_.data())};
+      within_.event_ends[i] = {of_event(i, state_.t, within_.x.data()), of_event(i, t_end, x_.data())};
   }
   // Between two ends of one sign, both away from zero, another one: it went through zero twice, and nobody has seen it.
   const auto expect_no_event = [&] {
     for (std::size_t i = 0; i < events_.size(); ++i) {
-      const auto [begin, end] = event_ends_[i];
+      const auto [begin, end] = within_.event_ends[i];
       const double least = std::min(std::abs(begin), std::abs(end));
-      if (!(begin * end > 0.0) || !(std::copysign(1.0, end) * of_event(i, state_.t, x_inside_.data()) < -kMissed * least)) continue;
+      if (!(begin * end > 0.0) || !(std::copysign(1.0, end) * of_event(i, state_.t, within_.x.data()) < -kMissed * least)) continue;
       warn(Code::mission_doubt, {fmt::format("event \"{}\"", events_[i].name), {}},
            "its function crosses zero twice inside of a step, which ends at none of the two: it is missed",
            "integrator.max_step as short as what is to be seen, or output.between_steps = false");
@@ -257,19 +257,19 @@ void Simulation::look_inside(double t_end) {
   };
   while (schedule_.time() < t_end) {
     const double t = schedule_.time();
-    t_inside_ = t_end - t <= 16.0 * eps * std::abs(t_end) ? t_end : t;  // a step of rounding has no inside
+    within_.t = t_end - t <= 16.0 * eps * std::abs(t_end) ? t_end : t;  // a step of rounding has no inside
     try {
-      if (t_inside_ == t_end)
-        x_inside_ = x_;
+      if (within_.t == t_end)
+        within_.x = x_;
       else
-        integrator_->interpolate(t, x_inside_.data());
+        integrator_->interpolate(t, within_.x.data());
     } catch (const NumericsError& e) {
       fail(explain(e.failure()));
     }
     if (!thrown_.empty()) fail(explain({}));
-    expect_finite(x_inside_);
+    expect_finite(within_.x);
     state_.t = t;
-    unpack(x_inside_.data());
+    unpack(within_.x.data());
     observed_ = ledger_known_ = false;
     expect_no_event();
     tick();
@@ -294,7 +294,7 @@ void Simulation::pass_crossings(std::span<const int> crossed) {
 void Simulation::handle_events(std::span<const int> crossed) {
   for (std::size_t i = 0; i < events_.size() && !stopped_; ++i)
     if (crossed[i] != 0 && (events_[i].direction == 0 || events_[i].direction == crossed[i])) {
-      expect_no_storm(events_[i]);
+      if (auto failure = headway_.storms(state_.t, t_end_, events_[i].name)) fail(std::move(*failure));
       if (recorder_ && events_[i].noted) recorder_->note(Note::event, state_.t, {events_[i].name, crossed[i] > 0 ? "rising" : "falling"});
       if (!events_[i].action) continue;
       const struct InEvent {

@@ -158,10 +158,7 @@ void read_checkpoint(LuaTable& t, lua_State* L, MissionSpec& m) {
     t.reject("period", "a time > 0");
   else if (!never)
     m.checkpoint_period = usual_checkpoint_period(m);
-  if (!never && !period)
-    m.defaults_used.emplace_back("mission.checkpoint.period",
-                                 fmt::format("{:.10g} s", static_cast<double>(m.checkpoint_period->numerator) /
-                                                              static_cast<double>(m.checkpoint_period->denominator)));
+  if (!never && !period) m.defaults_used.emplace_back("mission.checkpoint.period", fmt::format("{:.10g} s", m.checkpoint_period->value()));
   t.finish();
 }
 

@@ -100,9 +100,7 @@ int wait_until(lua_State* L, Scenario& s) {
       wait.look = {next.seconds(), next};
     }
     wait.side = direction == "rising" ? 1 : direction == "falling" ? -1 : 0;
-    wait.told = looked ? fmt::format("a condition that is looked at every {:g} s",
-                                     static_cast<double>(wait.period.numerator) / static_cast<double>(wait.period.denominator))
-                       : "a zero that is located";
+    wait.told = looked ? fmt::format("a condition that is looked at every {:g} s", wait.period.value()) : "a zero that is located";
     if (timeout) wait.until = Sequences::after(now, *timeout), wait.late = fmt::format("timeout of {:g} s", *timeout);
   }
   lua_getfield(L, 2, "otherwise");  // at 3

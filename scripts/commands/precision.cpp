@@ -293,8 +293,7 @@ int precision(const PrecisionArguments& a) {
     const bool needs_steps = std::ranges::any_of(methods, [](const PrecisionSetting& m) { return !m.adaptive; });
     if (steps.empty() && needs_steps) {
       const Rational& p = s->mission.output_period;
-      steps = usual_steps(fastest_motion(s->model, s->sim->state().q.data()).rate,
-                          static_cast<double>(p.numerator) / static_cast<double>(p.denominator), a.until.value_or(s->mission.duration));
+      steps = usual_steps(fastest_motion(s->model, s->sim->state().q.data()).rate, p.value(), a.until.value_or(s->mission.duration));
     }
     study.title = s->mission.title.empty() ? s->file.filename().string() : s->mission.title;
     study.scenario = s->file.string();

@@ -51,9 +51,7 @@ Json describe_scenario(Scenario& s, const DescribeOptions& options) {
       out["drawn"].push_back({{"name", s.drawn[i].name}, {"value", s.drawn[i].value}, {"unit", s.drawn[i].unit}, {"spread", s.spreads[i]}});
   }
   out["controllers"] = Json::array();
-  for (const Controller& c : s.controllers)
-    out["controllers"].push_back(
-        {{"name", c.name}, {"period_s", static_cast<double>(c.period.numerator) / static_cast<double>(c.period.denominator)}});
+  for (const Controller& c : s.controllers) out["controllers"].push_back({{"name", c.name}, {"period_s", c.period.value()}});
   if (!s.sequences.empty()) {
     try_sequences(s);  // the last that is done with it: what they command stays
     out["sequences"] = Json::array();

@@ -31,8 +31,6 @@ constexpr double kTooManyTicks = 1e10, kManyTicks = 1e7;
 constexpr double kLargeBytes = 2e9;
 constexpr double kLeftOfPull = 1e-9;  // of the weight: some 0.1 m in each turn of a low orbit
 
-double seconds(const Rational& r) { return static_cast<double>(r.numerator) / static_cast<double>(r.denominator); }
-
 std::string bytes_text(double bytes) {
   const char* units[] = {"B", "kB", "MB", "GB", "TB", "PB"};
   int i = 0;
@@ -75,7 +73,7 @@ void look_at_period(Scenario& s, const Located& at, const std::string& subject, 
 }
 
 void look_at_ticks(Scenario& s) {
-  for (const Controller& c : s.controllers) look_at_period(s, c.at, fmt::format("controller \"{}\"", c.name), seconds(c.period));
+  for (const Controller& c : s.controllers) look_at_period(s, c.at, fmt::format("controller \"{}\"", c.name), c.period.value());
   for (const DeviceSpec& d : s.model->spec->devices) {
     const auto at = [&](const char* key) { return s.model->spec->locate(fmt::format("devices.{}.{}", d.name, key)); };
     if (d.rate > 0.0 || d.period > 0.0)
@@ -190,7 +188,7 @@ void look_at_long_bodies(Scenario& s) {
 }
 
 void look_at_sizes(Scenario& s) {
-  const double columns = 4.0 * s.model->nv + 2.0 * s.model->nq, rows = s.mission.duration / seconds(s.mission.output_period);
+  const double columns = 4.0 * s.model->nv + 2.0 * s.model->nq, rows = s.mission.duration / s.mission.output_period.value();
   if (rows * columns * sizeof(double) > kLargeBytes)
     s.warnings.add(Code::large_run, {"mission.output", {s.file.string(), 0, 0}},
                    fmt::format("{:.3g} rows of about {:g} numbers: run.h5 will take about {}", rows, columns,
@@ -271,8 +269,8 @@ Warnings faults_to_come(const Simulation& sim) {
 double shortest_interval(const Scenario& s) {
   double interval = s.sim->shortest_period();
   const bool phases_tick = s.controllers.empty() && !s.phases.empty();
-  if (!s.mission.simulation.between_steps || phases_tick) interval = std::min(interval, seconds(s.mission.output_period));
-  for (const Controller& c : s.controllers) interval = std::min(interval, seconds(c.period));
+  if (!s.mission.simulation.between_steps || phases_tick) interval = std::min(interval, s.mission.output_period.value());
+  for (const Controller& c : s.controllers) interval = std::min(interval, c.period.value());
   return interval;
 }
 

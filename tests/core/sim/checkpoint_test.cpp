@@ -294,7 +294,7 @@ TEST(Checkpoint, OfImpossibleNumbersIsRefused) {
   const std::string whole = "block schedule: a whole number is not one, or too large";
   EXPECT_EQ(refused("schedule", 1, 0x1p54), whole);
   EXPECT_EQ(refused("schedule", 0, -1.0), whole);
-  EXPECT_EQ(refused("run", 2, 2.0), "block run: a whole number is not one, or too large");  // of a truth
+  EXPECT_EQ(refused("run", 1, 2.0), "block run: a whole number is not one, or too large");  // of a truth
   Checkpoint damaged = good;
   std::vector<double>& motion = damaged.at("given motion").numbers;
   motion[7] = 1.0, motion.erase(motion.begin() + 8, motion.begin() + 10);  // one travel for three points
