@@ -79,7 +79,8 @@ RecordedRun job_of(const RunArguments& a) {
     if (a.until) job.until = a.until;
   }
   const double start = job.resume ? job.resume->t : 0.0;
-  if (job.until && !(*job.until > start && std::isfinite(*job.until)))
+  const bool at_its_end = !a.until && job.until == start;  // a checkpoint where `--until` stopped the run
+  if (job.until && !at_its_end && !(*job.until > start && std::isfinite(*job.until)))
     wrong_line("--until", fmt::format("a finite time > {:g} s", start), fmt::format("{}", *job.until));
   return job;
 }
@@ -99,6 +100,8 @@ class RunCommand {
   explicit RunCommand(const RunArguments& a) : arguments_(a), job_(job_of(a)), scenario_(load()) {}
 
   int execute() {
+    // What `--until` has stopped goes on to the end of the mission.
+    if (job_.resume && job_.resume->at_its_end && !arguments_.until && job_.until < scenario_->mission.duration) job_.until.reset();
     const double t_end = job_.until.value_or(scenario_->mission.duration);
     std::vector<Output> outputs = mission_outputs(*scenario_);
     if (job_.check_against_reference) outputs.push_back(reference_output(*scenario_->sim));

@@ -14,6 +14,7 @@
 #include "core/io/range_recorder.hpp"
 #include "core/io/result_folder.hpp"
 #include "core/io/sha256.hpp"
+#include "core/io/summary.hpp"
 #include "core/sim/run_header.hpp"
 #include "scripts/mission/mission_run.hpp"
 
@@ -59,6 +60,8 @@ class Reader {
     }
     point->resumed = file_.has_attribute("/run", "resumed") ? text("resumed") + ", " : "";
     point->resumed += fmt::format("{}", point->t);
+    const std::string verdict = file_.has_attribute("/run", "verdict") ? text("verdict") : "";
+    point->at_its_end = verdict == name_of(Verdict::passed) || verdict == name_of(Verdict::failed);
     run.resume = std::move(point);
     return run;
   }

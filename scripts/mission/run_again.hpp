@@ -33,6 +33,7 @@ struct ResumePoint {
   std::vector<std::pair<std::vector<double>, std::string>> intervals;  // of the history of steps
   std::vector<std::pair<double, std::string>> checkpoints;             // up to this one: time, text
   std::string resumed;                                                 // RunHeader::resumed, this time included
+  bool at_its_end = false;                                             // the run that left it came to the end that it was given
 };
 
 /// What run.h5 tells about how it was made.

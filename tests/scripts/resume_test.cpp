@@ -107,6 +107,23 @@ TEST(Resume, GoesOnAsIfTheRunHadNeverStopped) {
   }
 }
 
+// Also where the run was stopped in the instant of its last checkpoint, at 2.5 s.
+TEST(Resume, GoesOnToTheEndOfTheMissionFromWhatUntilStopped) {
+  const TemporaryFolder dir;
+  make_scenario(dir, kMission);
+  ASSERT_LE(run_program({"run", dir.path(), "--out", "whole"}, dir.path()).exit_code, 1);
+  for (const char* until : {"2.5", "2.83"}) {
+    ASSERT_LE(run_program({"run", dir.path(), "--out", "part", "--until", until}, dir.path()).exit_code, 1);
+    const Finished rest = run_program({"run", "--resume", "part", "--out", "rest"}, dir.path());
+    ASSERT_LE(rest.exit_code, 1) << rest.err;
+    expect_same_results(dir / "whole", dir / "rest");
+  }
+  ASSERT_LE(run_program({"run", dir.path(), "--out", "longer", "--until", "7"}, dir.path()).exit_code, 1);
+  const Finished again = run_program({"run", "--resume", "longer", "--out", "again"}, dir.path());
+  ASSERT_LE(again.exit_code, 1) << again.err;
+  expect_same_results(dir / "longer", dir / "again");
+}
+
 TEST(Resume, GoesOnFromWhatASignalOrAKillLeft) {
   for (const int signal : {SIGTERM, SIGKILL}) {
     const TemporaryFolder dir;
