@@ -642,6 +642,19 @@ TEST(Again, RepeatsARunBitForBitFromItsResultsAlone) {
   EXPECT_EQ(channels_of(dir / "out"), channels_of(dir / "third"));
 }
 
+// By the command of docs/results.md. Empty lists, as that of settings, cannot be packed: without -m it packed nothing.
+TEST(Again, RepeatsARunThatIsPacked) {
+  if (std::system("command -v h5repack > /dev/null") != 0) GTEST_SKIP() << "h5repack is not installed";
+  const TemporaryFolder dir;
+  ASSERT_EQ(run_program({"run", kMissions + "/pendulum", "--out", "out"}, dir.path()).exit_code, 0);
+  const std::string pack = "cd '" + dir.path() + "' && h5repack -m 1024 -f SHUF -f GZIP=4 out/run.h5 packed.h5";
+  ASSERT_EQ(std::system(pack.c_str()), 0);
+  EXPECT_LT(fs::file_size(dir / "packed.h5"), fs::file_size(dir / "out/run.h5"));
+  EXPECT_EQ(run_program({"diff", "out/run.h5", "packed.h5"}, dir.path()).exit_code, 0);
+  ASSERT_EQ(run_program({"run", "--again", "packed.h5", "--out", "again"}, dir.path()).exit_code, 0);
+  EXPECT_EQ(run_program({"diff", "out", "again"}, dir.path()).exit_code, 0);
+}
+
 TEST(Again, WithRequiredModulesNeedsNoFiles) {
   const TemporaryFolder dir;
   make_scenario(dir, "local gains = require 'lib.gains'\nvehicle 'vehicle.yaml' mission { duration = gains.duration }");
