@@ -56,8 +56,15 @@ int LuaFunction::call(std::span<const double> in, std::span<double> out) const t
         push(L);
         for (const double x : in) lua_pushnumber(L, x);
         const int before = lua_gettop(L) - static_cast<int>(in.size()) - 1;
-        lua_call(L, static_cast<int>(in.size()), out.empty() ? LUA_MULTRET : static_cast<int>(out.size()));
+        lua_call(L, static_cast<int>(in.size()), LUA_MULTRET);
+        const int results = lua_gettop(L) - before, wanted = static_cast<int>(out.size());
         for (int i = lua_gettop(L); out.empty() && i > before; --i) left += lua_isnil(L, i) ? 0 : 1;
+        if (!out.empty() && results > wanted) {  // `return bus:rate()` for one number would be its first component
+          push(L);
+          refuse(Code::lua_runtime, {"results", host_->definition(L, -1)}, "a finite number", fmt::format("{} values", results),
+                 "of several the first alone: (bus:rate()); of all of them vec.norm { bus:rate() }");
+        }
+        lua_settop(L, before + wanted);
         for (std::size_t i = 0; i < out.size(); ++i) {
           const int at = static_cast<int>(i) + 1;
           out[i] = lua_tonumber(L, at);

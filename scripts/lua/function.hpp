@@ -39,7 +39,7 @@ class LuaFunction : public LuaRef {
   LuaFunction() = default;
   explicit LuaFunction(LuaRef function) : LuaRef(std::move(function)) {}
   /// Numbers in, numbers out, within the host's call_budget(). Errors: as LuaHost::run_file; C0503 if a result is missing or not
-  /// a finite number. Returns how many values (but nil) it has returned that nothing takes; with `out` always 0.
+  /// a finite number, or there are more than `out` takes. Returns how many values (but nil) it has returned where there is no `out`.
   int call(std::span<const double> in, std::span<double> out) const;
 };
 

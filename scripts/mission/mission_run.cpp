@@ -321,6 +321,10 @@ bool MissionRun::is_over(const Phase& p) {
           lua_pushnumber(L, t);
           lua_call(L, 1, 1);
           over = lua_toboolean(L, -1) != 0;
+          if (lua_isboolean(L, -1) || lua_isnil(L, -1)) return;
+          p.until.push(L);
+          refuse(Code::lua_runtime, {"result of until_", s_.lua.definition(L, -1)}, "true or false", describe_value(L, -2),
+                 "every number is true in Lua, also 0: compare it, panel:angle() >= 1.57");
         },
         s_.lua.call_budget());
   });

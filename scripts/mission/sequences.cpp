@@ -90,16 +90,19 @@ double Sequences::look(lua_State* L, int index, bool located) {
   luaL_checkstack(L, LUA_MINSTACK, nullptr);
   lua_pushvalue(L, index);
   lua_pushnumber(L, s_.sim->time());
-  lua_call(L, 1, 1);
+  const int before = lua_gettop(L) - 2;
+  lua_call(L, 1, LUA_MULTRET);
+  const int results = lua_gettop(L) - before;
+  lua_settop(L, before + 1);
   const int type = lua_type(L, -1);
   const double value = located ? lua_tonumber(L, -1) : lua_toboolean(L, -1);
-  const bool good = located ? type == LUA_TNUMBER && std::isfinite(value) : type == LUA_TBOOLEAN || type == LUA_TNIL;
+  const bool good = located ? results == 1 && type == LUA_TNUMBER && std::isfinite(value) : type == LUA_TBOOLEAN || type == LUA_TNIL;
   if (!good) {
     lua_pushvalue(L, index);
     throw InputError(Diagnostic{Code::lua_runtime,
                                 {"result of the condition", s_.lua.definition(L, -1)},
                                 located ? "a finite number, which is located where it crosses zero" : "true or false",
-                                describe_value(L, -2),
+                                located && results > 1 ? fmt::format("{} values", results) : describe_value(L, -2),
                                 located ? "what is true or false is looked at: wait_until(f, { rate = \"10 Hz\" })"
                                         : "a number is located where it crosses zero: no `rate` then",
                                 LuaHost::traceback(L)});

@@ -359,6 +359,8 @@ TEST(Sequences, WaitOnlyWhereTheyCan) {
       "it sticks");
   expect("wait_until(3)", "expected: the function of a condition");
   expect("wait_until(function() return true end)", "expected: a finite number, which is located where it crosses zero\n  got:      true");
+  expect("wait_until(function() return 1, 2 end)",
+         "expected: a finite number, which is located where it crosses zero\n  got:      2 values");
   expect("wait_until(function() return 1 end, { rate = 1 })", "expected: true or false\n  got:      1");
   expect("wait_until(function() return 1 end, { rate = 1, direction = 'rising' })", "no rate beside it");
   expect("wait_until(function() return 1 end, { otherwise = print })", "a timeout beside it, after which it follows");
