@@ -48,6 +48,7 @@ TEST(WorstDifference, NaNEqualsNoNumber) {
         EXPECT_EQ(worst({x}, {y}, {}, a).difference == 0.0, same) << x << " and " << y;
       }
     EXPECT_TRUE(worst({1.0, kNaN}, {1.0, -kNaN}, {}, a).pass) << "all NaN are alike";
+    EXPECT_FALSE(std::signbit(worst({-kNaN}, {1.0}, {}, a).is)) << "and are told without a sign";
   }
 }
 
