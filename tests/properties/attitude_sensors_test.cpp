@@ -138,34 +138,36 @@ TEST(StarTracker, ScattersAcrossItsBoresightAndAboutIt) {
   still.w.setZero();
   const Vector3d u = Vector3d(2, -1, 2) / 3.0;
   const double across = 3e-5, roll = 4e-4;
-  const SystemSpec spec =
-      still.with(with_vector(at_head("star_tracker", {{"cross_noise", across}, {"roll_noise", roll}}), "boresight", u), 10.0);
-  const MatrixXd out = samples_of(spec, 10.0, 20'000);
-  MatrixXd e(3, out.cols());
-  const Eigen::Quaterniond truth(still.R_WN(0.0));
-  for (Eigen::Index k = 0; k < out.cols(); ++k) e.col(k) = rotation_vector(truth.conjugate() * attitude(out.col(k)));
-  expect_normal(e, across * across * (Matrix3d::Identity() - u * u.transpose()) + roll * roll * u * u.transpose());
+  for (const Vector3d& misaligned : {Vector3d(0, 0, 0), Vector3d(0.4, -0.2, 0.7)}) {
+    DeviceSpec d = with_vector(at_head("star_tracker", {{"cross_noise", across}, {"roll_noise", roll}}), "boresight", u);
+    d = with_vector(d, "misalignment", misaligned);
+    const MatrixXd out = samples_of(still.with(d, 10.0), 10.0, 20'000);
+    MatrixXd e(3, out.cols());
+    const Eigen::Quaterniond truth(still.R_WN(0.0) * by(misaligned));
+    for (Eigen::Index k = 0; k < out.cols(); ++k) e.col(k) = rotation_vector(truth.conjugate() * attitude(out.col(k)));
+    expect_normal(e, across * across * (Matrix3d::Identity() - u * u.transpose()) + roll * roll * u * u.transpose());
+  }
 }
 
 /// Blinded where the Sun is nearer to the boresight than `exclusion`: then the last good attitude stays. In shadow nothing blinds.
 TEST(StarTracker, IsBlindedByTheSunButNotInShadow) {
   const Turning motion;
-  const Vector3d u(0.6, 0.0, 0.8), sun = Vector3d(1, 4, 2).normalized();
+  const Vector3d u(0.6, 0.0, 0.8), sun = Vector3d(1, 4, 2).normalized(), e(0.4, -0.2, 0.7);
   const double half = 50.0 * pi / 180.0;
   for (const bool shaded : {false, true}) {
     Turning there = motion;
     if (shaded) there.position = -7e6 * sun;
-    const SystemSpec spec =
-        there.with(with_vector(at_head("star_tracker", {{"exclusion", half}}), "boresight", u), 4.0, {sunlight(sun, 1361.0, 6.4e6)});
+    DeviceSpec d = with_vector(at_head("star_tracker", {{"exclusion", half}}), "boresight", u);
+    const SystemSpec spec = there.with(with_vector(d, "misalignment", e), 4.0, {sunlight(sun, 1361.0, 6.4e6)});
     double good = 0.0;
     int blinded = 0, seen = 0;
     sampled(spec, 4.0, 80, [&](const VectorXd& out, double t) {
-      const bool blind = !shaded && std::acos((motion.R_WN(t) * u).dot(sun)) < half;
+      const bool blind = !shaded && std::acos((motion.R_WN(t) * by(e) * u).dot(sun)) < half;
       (blind ? blinded : seen) += 1;
       if (!blind) good = t;
       EXPECT_EQ(out[4], blind ? 0.0 : 1.0) << t;
       if (seen > 0) {
-        EXPECT_LT((attitude(out).toRotationMatrix() - motion.R_WN(good)).norm(), 1e-9) << t;
+        EXPECT_LT((attitude(out).toRotationMatrix() - motion.R_WN(good) * by(e)).norm(), 1e-9) << t;
       }
     });
     EXPECT_GT(seen, 10);
@@ -388,11 +390,12 @@ TEST(HorizonSensor, ReadsTheDirectionToTheCentreInNodeAxes) {
 
 TEST(HorizonSensor, IsBlindedByTheSunAndByDistance) {
   const Turning bus;
+  const Vector3d misaligned(0.4, -0.2, 0.7);
   const auto valid = [&](const Vector3d& sun, double farthest) {
     DeviceSpec d = at_head("horizon_sensor", {{"half_angle", pi}, {"exclusion", 0.3}, {"max_distance", farthest}});
-    return samples_of(bus.with(d, 1.0, {sunlight(sun)}), 1.0, 1)(3, 0);
+    return samples_of(bus.with(with_vector(d, "misalignment", misaligned), 1.0, {sunlight(sun)}), 1.0, 1)(3, 0);
   };
-  const Vector3d boresight = bus.R_WN(0.0).col(2);
+  const Vector3d boresight = (bus.R_WN(0.0) * by(misaligned)).col(2);
   EXPECT_EQ(valid(by(0.29 * boresight.cross(Vector3d::UnitX()).normalized()) * boresight, 0.0), 0.0);
   EXPECT_EQ(valid(by(0.31 * boresight.cross(Vector3d::UnitX()).normalized()) * boresight, 0.0), 1.0);
   EXPECT_EQ(valid(-boresight, 6.9e6), 0.0);
@@ -446,15 +449,17 @@ TEST(Gnss, HasNoiseAndAnErrorThatWanders) {
       at_head("gnss", {{"position_noise", white}, {"position_wander", wander}, {"wander_time", tau}, {"velocity_noise", slow}});
   const MatrixXd all = samples_of(bus.with(d, rate), rate, n);
   const Vector3d truth = bus.position + bus.R0 * Vector3d(0.3, 0.2, -0.1);
-  double variance = 0.0, next = 0.0, speed = 0.0;
+  double variance = 0.0, next = 0.0, speed = 0.0, both = 0.0;
   for (int k = 0; k + 1 < n; ++k) {
     const Vector3d a = all.col(k).head<3>() - truth, b = all.col(k + 1).head<3>() - truth;
     variance += a.squaredNorm() / (3 * n), next += a.dot(b) / (3 * n), speed += all.col(k).segment<3>(3).squaredNorm() / (3 * n);
+    both += a.dot(all.col(k).segment<3>(3)) / (3 * n);
   }
   // 3 n / (1 + 2 tau) independent samples or so: four standard deviations of the variance are a tenth.
   EXPECT_NEAR(variance, white * white + wander * wander, 0.12 * (white * white + wander * wander));
   EXPECT_NEAR(next, wander * wander * std::exp(-1.0 / tau), 0.15 * wander * wander);
   EXPECT_NEAR(speed, slow * slow, 0.06 * slow * slow);
+  EXPECT_LT(std::abs(both), 5.0 * std::hypot(white, wander) * slow / std::sqrt(3.0 * n)) << "noises of their own";
 }
 
 /// The example of the IAU's SOFA tools for Earth attitude, with the polar motion, UT1 and offsets of the pole of its bulletin (as of
@@ -501,7 +506,9 @@ TEST(Gnss, KeepsItsLastFixWithoutASignal) {
   EXPECT_EQ(sim.device_output(6), 1.0);
   EXPECT_NE(sim.device_output(0), x);
   bus.position = {0, 8.1e6, 0};
-  EXPECT_EQ(samples_of(bus.with(at_head("gnss", {{"max_distance", 8e6}}), 1.0), 1.0, 1)(6, 0), 0.0);
+  const DeviceSpec near = at_head("gnss", {{"max_distance", 8e6}});
+  EXPECT_EQ(samples_of(bus.with(near, 1.0), 1.0, 1)(6, 0), 0.0);
+  EXPECT_EQ(samples_of(bus.with(with_vector(near, "centre", {0, 1e6, 0}), 1.0), 1.0, 1)(6, 0), 1.0) << "counted from the centre";
 }
 
 }  // namespace

@@ -653,6 +653,20 @@ TEST(Contact, TellsThatShapesOverlap) {
   Simulation whole(compiled(spec), accurate());
   whole.run(0.1);
   EXPECT_GT(whole.device_output(1), 0.0);
+  // A ball whose middle is in a box is deeper than the shapes tell, whatever `max_depth` is.
+  AskedContact inside(kBall, kBox, {{"stiffness", 1.0}, {"max_depth", 10.0}});
+  inside.place(0, Quaterniond::Identity(), {0.1, 0, 0}), inside.place(1, Quaterniond::Identity(), {0, 0, 0});
+  EXPECT_EQ(inside.ask().code, 1);
+}
+
+/// mu N / width is what resists the slowest sliding.
+TEST(Contact, ResistsTheSlowestSlidingInProportion) {
+  for (const double speed : {1e-15, 1e-13, 1e-11, 1e-9}) {  // 1e-9 of the width is where its formula changes
+    AskedContact slides(kBall, plane({0, 0, 1}), {{"stiffness", 100.0}, {"exponent", 1.0}, {"friction", 0.5}, {"width", 1e-3}});
+    slides.place(0, Quaterniond::Identity(), {0, 0, 0.15}), slides.place(1, Quaterniond::Identity(), {0, 0, 0});
+    slides.move(0, {0, 0, 0}, {speed, 0, 0});
+    EXPECT_NEAR(slides.ask().out[2] / speed, 0.5 * 5.0 / 1e-3, 1e-8);
+  }
 }
 
 }  // namespace

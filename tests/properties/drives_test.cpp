@@ -299,6 +299,13 @@ TEST(RecordedLoad, HasEndsAsTold) {
   EXPECT_NEAR(v, (std::cos(2 * pi * -0.25) - std::cos(2 * pi * 3.35)) / (2 * pi), 2e-4);
   EXPECT_NEAR(driven(rows_of_force(times, sine), "cubic", "repeat", 3.0, 0.25).second, 0.0, 1e-12);  // whole periods
   (void)x;
+  // An odd record about its beginning: five rows on both sides of it make an odd curve, which pushes nothing from 0.2 s before to 0.2 s
+  // after.
+  const std::vector<double> odd = {0, 1, -0.5, 0, 0.5, -1, 0};
+  std::vector<double> sixths;
+  for (int i = 0; i <= 6; ++i) sixths.push_back(i / 6.0);
+  const auto of_sixths = [&](double t) { return odd[static_cast<std::size_t>(std::lround(6 * t))]; };
+  EXPECT_NEAR(driven(rows_of_force(sixths, of_sixths), "cubic", "repeat", 0.4, 0.2).second, 0.0, 1e-14);
 }
 
 /// Told in the midst of a run that it starts at another time it is at the row of that time.

@@ -159,7 +159,10 @@ TEST_P(Events, ABodyIsHeldWhereItIsByAnyOther) {
             HingeSpec held;
             held.type = "free", held.locked = true, held.inboard_body = to.name;
             if (to.modal) held.inboard_node = to.modal->nodes.back().name;
-            held.body_node = hinge.body_node, held.pnode_position = hinge.pnode_position, held.pnode_R = hinge.pnode_R;
+            if (b.modal)
+              held.body_node = hinge.body_node, held.pnode_position = hinge.pnode_position, held.pnode_R = hinge.pnode_R;
+            else  // a place without a name
+              held.pnode_position = {0.3, -0.2, 0.5}, held.pnode_R = Eigen::AngleAxisd(0.7, Vector3d(0.6, 0, 0.8)).toRotationMatrix();
             hinge = held;
             worst = worse(worst, errors_of(sim, rejoin(sim, next, registry(), {}), false).largest());
           }

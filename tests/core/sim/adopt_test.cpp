@@ -199,6 +199,20 @@ TEST(Balances, WhatIsMissingStaysMissing) {
   EXPECT_FALSE(l.pass);
 }
 
+TEST(Balances, WhatIntegralsMayBeOffByAddsUp) {
+  const Momentum p{.linear = {4, 0, 0}, .angular = {0, 4, 0}, .linear_magnitude = 8, .angular_magnitude = 8};
+  const Energy e{.kinetic = 4, .magnitude = 8};
+  const Balances::Integrals none = Balances::Integrals::Zero(), off = Balances::Integrals::Constant(1e-3);
+  Balances balances;
+  balances.begin(p, e);
+  const LedgerState first = balances.look(p, e, none, off, {}, 0.0);
+  balances.go_on(p, e);
+  const LedgerState both = balances.look(p, e, none, off, {}, 0.0);
+  EXPECT_NEAR(both.linear_limit, 2 * first.linear_limit, 1e-6 * first.linear_limit);
+  EXPECT_NEAR(both.angular_limit, 2 * first.angular_limit, 1e-6 * first.angular_limit);
+  EXPECT_NEAR(both.energy_limit, 2 * first.energy_limit, 1e-6 * first.energy_limit);
+}
+
 TEST(Adopt, ARunThatHadAnotherVehicleIsNotResumedWithOne) {
   ChangingScene changed(vehicle()), fresh(vehicle());
   changed.adopt_at({1, 2}, vehicle());
