@@ -42,6 +42,21 @@ std::optional<MatrixXd> lyapunov(const MatrixXd& A, const MatrixXd& Q, double sh
                  symmetric(2.0 * shift * inverse.transpose() * Q * inverse));
 }
 
+/// Newton's steps (Kleinman 1968; Hewer 1971): what is left of the equation of X is that of a linear one of the closed system.
+template <class Equation, class Correction>
+void refine(MatrixXd& X, const Equation& equation, const Correction& correction) {
+  for (int i = 0; i < 2; ++i) {
+    const MatrixXd before = X, left = equation();
+    const auto more = correction(left);
+    if (!more) return;
+    X += *more;
+    if (!(equation().norm() < left.norm())) {
+      X = before;
+      return;
+    }
+  }
+}
+
 /// The shift that halves the way, in powers, between the nearest and the farthest eigenvalue.
 double shift_between(const Eigen::VectorXcd& values) {
   double least = 1e300, most = 0.0;
@@ -69,36 +84,27 @@ std::optional<Riccati> continuous_riccati(const MatrixXd& A, const MatrixXd& B, 
   MatrixXd X = *X0;
   const auto equation = [&] { return symmetric(A.transpose() * X + X * A - X * G * X + Q); };
   const auto size = [&] { return 2.0 * (X * A).norm() + (X * G * X).norm() + Q.norm(); };
-  for (int i = 0; i < 2; ++i)  // Newton (Kleinman 1968)
-    if (const auto more = lyapunov(A - G * X, equation(), shift)) {
-      const MatrixXd before = X;
-      const double was = equation().norm();
-      X += *more;
-      if (!(equation().norm() < was)) {
-        X = before;
-        break;
-      }
-    }
+  refine(X, equation, [&](const MatrixXd& left) { return lyapunov(A - G * X, left, shift); });
   const double residual = equation().norm() / size();
   const MatrixXd K = gain * X;
   const Eigen::VectorXcd closed = eigenvalues(A - B * K);
-  if (!(residual <= kResidual) || !(closed.real().maxCoeff() < 0.0)) return {};
+  if (!(residual <= kResidual) || !(closed.real().maxCoeff() < -kRounding * closed.cwiseAbs().maxCoeff())) return {};
   return Riccati{X, K, residual};
 }
 
 std::optional<Riccati> discrete_riccati(const MatrixXd& A, const MatrixXd& B, const MatrixXd& Q, const MatrixXd& R) {
   const auto L = cholesky(R);
   if (!L) return {};
-  const auto X = doubled(A, symmetric(B * cholesky_solve(*L, B.transpose())), Q);
-  if (!X) return {};
-  const MatrixXd XA = *X * A, XB = *X * B;
-  const auto inner = cholesky(symmetric(R + B.transpose() * XB));
-  if (!inner) return {};
-  const MatrixXd K = cholesky_solve(*inner, B.transpose() * XA);
-  const MatrixXd cost = A.transpose() * XA;
-  const double residual = (cost - XA.transpose() * B * K + Q - *X).norm() / (cost.norm() + Q.norm() + X->norm());
-  if (!(residual <= kResidual) || !(eigenvalues(A - B * K).cwiseAbs().maxCoeff() < 1.0)) return {};
-  return Riccati{*X, K, residual};
+  const auto X0 = doubled(A, symmetric(B * cholesky_solve(*L, B.transpose())), Q);
+  if (!X0) return {};
+  MatrixXd X = *X0;
+  const auto gain = [&]() -> MatrixXd { return symmetric_solve(symmetric(R + B.transpose() * X * B), MatrixXd(B.transpose() * X * A)); };
+  const auto equation = [&] { return symmetric(A.transpose() * X * (A - B * gain()) + Q - X); };
+  refine(X, equation, [&](const MatrixXd& left) { return doubled(A - B * gain(), MatrixXd::Zero(A.rows(), A.cols()), left); });
+  const MatrixXd K = gain();
+  const double residual = equation().norm() / ((A.transpose() * X * A).norm() + Q.norm() + X.norm());
+  if (!(residual <= kResidual) || !(eigenvalues(A - B * K).cwiseAbs().maxCoeff() < 1.0 - kRounding)) return {};
+  return Riccati{X, K, residual};
 }
 
 Discretised discretised(const MatrixXd& A, const MatrixXd& B, const MatrixXd& W, double dt) {

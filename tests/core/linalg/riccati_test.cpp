@@ -80,6 +80,28 @@ TEST(Riccati, TakesModesFarApart) {
   EXPECT_TRUE(discrete_riccati(step.A, step.B, Q, R));
 }
 
+/// Control that costs little: doubling alone loses what one term of the equation is larger than X by. Gains by both in 113 bits.
+TEST(Riccati, KeepsItsDigitsWhereControlIsCheap) {
+  MatrixXd A(3, 3), B(3, 1), Q = MatrixXd::Zero(3, 3), R(1, 1), K(1, 3);
+  A << 1, 1, 0, 0, 1, 1, 0, 0, 1;
+  B << 0.2686667753230292, 1.214651529623888, -1.9765217689500731;
+  Q(0, 0) = 1371892.795176804;
+  R << 0.009984246680333929;
+  K << -0.34217203129967622, -1.4470728406711579, -2.3363568711388196;
+  const auto three = discrete_riccati(A, B, Q, R);
+  ASSERT_TRUE(three);
+  EXPECT_LE((three->K - K).norm(), 1e-10);
+  A.resize(2, 2), B.resize(2, 1), Q = MatrixXd::Zero(2, 2), K.resize(1, 2);
+  A << -0.20261696680729718, 6.928436512729438, -0.12726746255315616, -0.24017789404687828;
+  B << -276.3591860945239, -29.24583083247103;
+  Q.diagonal() << 630761.9669425888, 44728854.67162136;
+  R << 0.010993581697358897;
+  K << 0.0024248118160030627, -0.0095106339936267999;
+  const auto two = discrete_riccati(A, B, Q, R);
+  ASSERT_TRUE(two);
+  EXPECT_LE((two->K - K).norm(), 1e-10 * K.norm());
+}
+
 TEST(Riccati, HasNoSolutionWhereNothingStabilises) {
   MatrixXd A(2, 2), B(2, 1);
   A << 0.5, 0, 0, -1;  // unstable, not moved
@@ -95,6 +117,17 @@ TEST(Riccati, HasNoSolutionWhereNothingStabilises) {
   A << 0, 1, -4, 0;  // an oscillation that is neither
   EXPECT_FALSE(continuous_riccati(A, MatrixXd::Zero(2, 1), MatrixXd::Identity(2, 2), one));
   EXPECT_FALSE(continuous_riccati(A, B, MatrixXd::Identity(2, 2), -one));
+  // An oscillation that is neither, beside what is: rounding may bring its pole to either side.
+  A = MatrixXd::Zero(4, 4), B = MatrixXd::Zero(4, 1);
+  A(0, 1) = A(2, 3) = 1.0, A(3, 2) = -100.0;
+  B(1, 0) = 1.0;
+  MatrixXd weights = MatrixXd::Zero(4, 4);
+  weights(0, 0) = weights(1, 1) = 1.0;
+  EXPECT_FALSE(continuous_riccati(A, B, weights, one));
+  for (const double dt : {0.01, 0.1, 0.2, 0.3}) {
+    const Discretised step = discretised(A, B, MatrixXd::Zero(4, 4), dt);
+    EXPECT_FALSE(discrete_riccati(step.A, step.B, weights, one)) << dt;
+  }
 }
 
 /// An oscillator and a double integrator in closed form; noise of a random walk of a rate.
