@@ -129,9 +129,11 @@ class ModeDoubts {
   /// Of a cantilever: modes that were found but are not kept, below or close above the highest one kept, and what all of them carry.
   void truncation(const FeModes& found, const std::vector<ModeRecord>& audit) {
     double highest = 0.0;
+    bool has_others = found.next_omega2.size() > 0;
     Vector6 kept = Vector6::Zero(), all = Vector6::Zero();
     for (const ModeRecord& r : audit) {
       all += r.effective_mass;
+      has_others |= !r.kept;
       if (r.kept) highest = std::max(highest, r.frequency), kept += r.effective_mass;
     }
     const auto look = [&](double frequency, const Vector6& mass) {
@@ -151,7 +153,7 @@ class ModeDoubts {
         look(std::sqrt(std::max(0.0, found.next_omega2(j))) / (2 * std::numbers::pi), next.col(j).cwiseAbs2());
     }
     Eigen::Index best;
-    if (const double share = kept.cwiseQuotient(rigid_).maxCoeff(&best); share < kLittle)
+    if (const double share = kept.cwiseQuotient(rigid_).maxCoeff(&best); share < kLittle && has_others)
       add(Code::truncated_modes, "modes",
           fmt::format("the modes kept carry at most {:.3g} % of the effective mass in any direction ({})", 100.0 * share, direction(best)),
           "the rest moves as if it were rigid; keep more modes");

@@ -445,6 +445,12 @@ TEST(Doubts, OfModesThatAreLeftOut) {
       << "the first mode of the other plane has 97 % of the rotation: " << one_plane.all()[0].what.about;
   EXPECT_TRUE(of(round_beam(20, 2)).empty());
   EXPECT_TRUE(of(round_beam(20, 8)).empty());
+  // What the root carries itself is in no mode: it is told where there are modes to keep, and not where all are kept.
+  ModalSource heavy = round_beam(1, 4);
+  heavy.masses = {{100.0, {0, 0, 0}, 100.0 * Eigen::Matrix3d::Identity()}};
+  EXPECT_NE(of(heavy).all().back().what.about.find("the modes kept carry at most"), std::string::npos);
+  heavy.modes.count = 6;
+  EXPECT_TRUE(of(heavy).empty());
 }
 
 TEST(Sections, OutOfRangeAreRefusedByTheirKey) {
