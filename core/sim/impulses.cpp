@@ -6,12 +6,14 @@
 #include <cmath>
 
 #include "core/dynamics/forward.hpp"
+#include "core/linalg/complementarity.hpp"
 #include "core/sim/simulation.hpp"
 
 namespace cardan {
 namespace {
 
-constexpr int kBounces = 1000;  // in one instant; what then still moves into a stop presses into it
+constexpr double kAsFast = 1.0 - 1e-9;  // of the fastest: it is a matter of rounding which of them comes first
+constexpr int kBounces = 1000;          // in one instant; what then still moves into a stop presses into it
 
 Eigen::Vector3d moment_of(const NodeWrench& w) { return to_eigen(w.f.n); }
 Eigen::Vector3d force_of(const NodeWrench& w) { return to_eigen(w.f.f); }
@@ -130,23 +132,48 @@ bool Simulation::is_at(const Limit& limit) const {
   return missing <= 0.0 || (limit.passed == state_.t && missing <= kRounding * std::max(1.0, std::abs(limit.value)));
 }
 
-void Simulation::bounce(std::span<const int> crossed) {
-  const auto inwards = [&](const Limit& limit) { return limit.side * state_.v[limit.v]; };
-  const auto rate_before = [&](const Limit& limit) -> double& { return x_[static_cast<std::size_t>(model_->nq + limit.v)]; };
-  const auto told = [&](const Limit& limit) { return fmt::format("{} limit of {}", limit.side > 0 ? "upper" : "lower", name_of(limit.v)); };
-  const auto turn_over = [&](const Limit& limit) {
-    observe();
-    impulse_.wrenches.clear();
+/// [rad/s, m/s] Towards it and beyond.
+double Simulation::inwards(const Limit& limit) const { return limit.side * state_.v[limit.v]; }
+
+std::string Simulation::told(const Limit& limit) const {
+  return fmt::format("{} limit of {}", limit.side > 0 ? "upper" : "lower", name_of(limit.v));
+}
+
+/// All at once: each gets an impulse p >= 0 so that it leaves with its restitution times the rate that it came with, or without one faster
+/// where others throw it [Pfeiffer, Glocker 1996]. False: their motions are given.
+bool Simulation::turn_over(std::span<Limit* const> together) {
+  const auto n = std::ssize(together);
+  Eigen::MatrixXd W(n, n);  // what one unit of each impulse takes off the rates inwards
+  Eigen::VectorXd leave(n);
+  observe();
+  impulse_.wrenches.clear();
+  for (Eigen::Index j = 0; const Limit* limit : together) {
     impulse_.hinges.setZero(model_->nv);
-    double& impulse = impulse_.hinges[limit.v];
-    impulse = 1.0;
+    impulse_.hinges[limit->v] = limit->side;
     find_jump();
-    const double by_one = impulse_.jump[limit.v];
-    changed();                    // what was seen is that of rest
-    if (!(by_one > 0.0)) return;  // its motion is given
-    impulse = -(1.0 + limit.bounce.restitution) * state_.v[limit.v] / by_one;
-    jump(told(limit));
-    rate_before(limit) = state_.v[limit.v];
+    for (Eigen::Index i = 0; const Limit* other : together) W(i++, j) = other->side * impulse_.jump[other->v];
+    leave[j++] = (1.0 + limit->bounce.restitution) * inwards(*limit);
+  }
+  changed();  // what was seen is that of rest
+  const Eigen::VectorXd p = complementarity(W, leave);
+  if (p.isZero(0.0)) return false;
+  impulse_.hinges.setZero(model_->nv);
+  std::string by;
+  for (Eigen::Index i = 0; const Limit* limit : together) {
+    impulse_.hinges[limit->v] -= limit->side * p[i++];
+    by += (by.empty() ? "" : ", ") + told(*limit);
+  }
+  jump(by);
+  return true;
+}
+
+/// What comes to a limit in this instant, or rests there and is struck by that, which bounces as well, the fastest first.
+void Simulation::bounce(std::span<const int> crossed) {
+  const auto rate_before = [&](const Limit& limit) -> double& { return x_[static_cast<std::size_t>(model_->nq + limit.v)]; };
+  std::vector<Limit*> together;
+  const auto blow = [&] {
+    const bool turned = turn_over(together);
+    for (const Limit* limit : together) rate_before(*limit) = turned && inwards(*limit) > 0.0 ? 0.0 : state_.v[limit->v];
   };
   // It is beyond by what its crossing is resolved to, and would be pushed at from there on its way back.
   const auto come_back = [&](const Limit& limit) {
@@ -157,25 +184,29 @@ void Simulation::bounce(std::span<const int> crossed) {
     balances_.jump(gained(before, sums()));
   };
   for (std::size_t i = 0; i < crossed.size(); ++i) {
-    const Limit& limit = limits_[i];
+    Limit& limit = limits_[i];
     if (crossed[i] != limit.side || !(inwards(limit) > limit.bounce.speed)) continue;
     come_back(limit);
-    turn_over(limit);
+    together.push_back(&limit);
   }
-  // What rests against a stop and is struck in this instant, by this blow or another, bounces as well, the fastest first.
+  if (!together.empty()) blow();
   const auto struck = [&](const Limit& limit) {
     return is_at(limit) && inwards(limit) > limit.bounce.speed && !(limit.side * rate_before(limit) > limit.bounce.speed) &&
            !model_->has_given_motion(limit.v);
   };
-  for (int blow = 0;; ++blow) {
-    const Limit* next = nullptr;
+  for (int blows = 0;; ++blows) {
+    double fastest = 0.0;
     for (const Limit& limit : limits_)
-      if (struck(limit) && (next == nullptr || inwards(limit) > inwards(*next))) next = &limit;
-    if (next == nullptr) return;
-    if (blow == kBounces)
-      return warn(Code::mission_doubt, {told(*next), {}}, fmt::format("{} blows in one instant are no end of them: it is pressed in", blow),
+      if (struck(limit)) fastest = std::max(fastest, inwards(limit));
+    together.clear();
+    for (Limit& limit : limits_)
+      if (struck(limit) && inwards(limit) >= kAsFast * fastest) together.push_back(&limit);
+    if (together.empty()) return;
+    if (blows == kBounces)
+      return warn(Code::mission_doubt, {told(*together[0]), {}},
+                  fmt::format("{} blows in one instant are no end of them: it is pressed in", blows),
                   "a restitution below 1, or room between the stops");
-    turn_over(*next);
+    blow();
   }
 }
 

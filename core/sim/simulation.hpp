@@ -511,6 +511,9 @@ class Simulation {
   };
   /// Or beyond it. In the instant in which it is passed that is known to rounding.
   bool is_at(const Limit& limit) const;
+  double inwards(const Limit& limit) const;
+  std::string told(const Limit& limit) const;
+  bool turn_over(std::span<Limit* const> together);
   std::vector<double> loads_at_;  // coordinates of Model::loads as apply_forces() took them
   std::vector<Limit> limits_;     // of stops: where q passes one the right-hand side has a corner
   struct Prescribed {

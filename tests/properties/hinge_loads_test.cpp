@@ -163,6 +163,41 @@ TEST(HardStop, DoesNotStrikeWhatAnEventHasMovedAway) {
   EXPECT_NEAR(sim.state().q[0], -1.0 + 5.0 * (0.1 - moved), 1e-12);
 }
 
+/// Two wings of a free hub that come to their stops in one instant: both leave with e of their rates, in whatever order they are
+/// described, and alike ones do not turn the hub.
+TEST(HardStop, WhatStrikesInOneInstantIsTurnedOverTogether) {
+  const double e = 0.5, rate = 0.3;
+  for (const double other : {10.0, 17.0})
+    for (const bool in_flight : {false, true}) {
+      if (in_flight && other != 10.0) continue;  // the hub's own motion brings them there one after the other
+      const auto wing = [&](const char* name, double mass, double side) {
+        BodySpec b =
+            on(rigid(name, mass, {0, side, 0}, mass * diagonal({0.3, 0.01, 0.3})), "hub", "revolute", {{side, 0, 0}}, {0, 0.5 * side, 0});
+        b.hinge.q = {in_flight ? -0.3 : 0.0}, b.hinge.v = {rate};
+        b.hinge.loads = {hard_stop(-kNever, 0.0, 1e5, e, 0.001)};
+        return b;
+      };
+      const BodySpec hub = on(rigid("hub", 100.0, {0, 0, 0}, diagonal({20, 20, 20})), "", "free");
+      for (const bool turned : {false, true}) {
+        const BodySpec left = wing("left", 10.0, 1.0), right = wing("right", other, -1.0);
+        Simulation sim(compiled(turned ? system({hub, right, left}) : system({hub, left, right})), accurate());
+        const double before = sim.energy().total();
+        sim.run(in_flight ? 1.1 : 1e-9);
+        const Eigen::VectorXd& v = sim.state().v;
+        EXPECT_TRUE(sim.ledger().pass);
+        if (in_flight) {
+          EXPECT_LT(v[6], -0.9 * e * rate);
+          EXPECT_NEAR(v[6], v[7], 1e-12);
+          EXPECT_NEAR(v.head<3>().norm(), 0.0, 1e-12);
+        } else {
+          EXPECT_NEAR(v[6], -e * rate, 1e-9);
+          EXPECT_NEAR(v[7], -e * rate, 1e-9);
+          EXPECT_LT(sim.energy().total(), before);
+        }
+      }
+    }
+}
+
 /// A heavy ball that touches a light one at a wall turns back after pi sqrt(m_2 / m_1) blows without loss [Galperin 2003], all at once: it
 /// is told where they are cut off.
 TEST(HardStop, TellsWhereBlowsOfOneInstantAreCutOff) {
