@@ -189,7 +189,10 @@ void Simulation::take_in() {
   if (!in_run) return;
   ++adopted_;
 
+  const std::vector<double> x_was = std::move(x_);
   make_integrator_once();
+  for (std::size_t i = 0; i < map.v.size(); ++i)  // stops are struck by what a rate becomes, and not by what it was
+    if (map.v[i] >= 0) x_[static_cast<std::size_t>(model_->nq + map.v[i])] = x_was[static_cast<std::size_t>(before->nq) + i];
   history_.resize(static_cast<int>(x_.size()));
   start_holds();
   const auto found = std::ranges::count_if(map.device, [](int i) { return i >= 0; });

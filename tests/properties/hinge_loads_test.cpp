@@ -337,6 +337,17 @@ TEST(HardStop, LeavesWhatPressesIntoAnotherStop) {
   EXPECT_NEAR(both.state().v[1], -0.5, 1e-12);
 }
 
+/// What a force presses into a stop, by then faster than `speed`, is not struck where the vehicle becomes another one.
+TEST(HardStop, IsNotStruckByAVehicleThatChanges) {
+  const auto model = compiled(slide(2.0, 0.0, 0.005, {hard_stop(-kNever, 0.0, 100.0, 0.5, 0.01)}));
+  Simulation changes(model, accurate()), goes_on(model, accurate());
+  changes.set_force(0, 5.0), goes_on.set_force(0, 5.0);
+  changes.every({1, 20}, [&] { changes.adopt(model); }, {1, 20});
+  changes.run(0.09), goes_on.run(0.09);
+  ASSERT_GT(goes_on.state().v[0], 0.01);
+  EXPECT_NEAR(changes.state().v[0], goes_on.state().v[0], 1e-9);
+}
+
 TEST(Stop, ThatIsPassedAtTheStartIsTold) {
   for (const double q : {0.25, 0.3, 0.35}) {
     Simulation sim(compiled(slide(2.0, q, 0.0, {hard_stop(-kNever, 0.3, 10.0, 0.5, 0.01)})), accurate());
