@@ -15,12 +15,15 @@
 namespace cardan {
 namespace {
 
+std::string without_spaces_before(const std::string& text) { return text.substr(std::min(text.find_first_not_of(' '), text.size())); }
+
 /// "30 deg" -> 0.52 and an angle. Empty if the text does not begin like a number.
 struct Quantity {
   double value;
   Dimension dimension;
 };
-std::optional<Quantity> read_quantity(const std::string& text, QuantityFault& fault) {
+std::optional<Quantity> read_quantity(const std::string& given, QuantityFault& fault) {
+  const std::string text = without_spaces_before(given);
   for (std::size_t cut = text.size(); cut > 0; --cut) {
     const auto number = parse_number(std::string_view(text).substr(0, cut));
     if (!number) continue;
@@ -45,7 +48,8 @@ std::string with_unit(const std::string& value, const Dimension& dimension) {
 }
 
 /// "+.5 m", not "../file".
-bool begins_like_a_number(const std::string& text) {
+bool begins_like_a_number(const std::string& given) {
+  const std::string text = without_spaces_before(given);
   const std::size_t at = text.find_first_of("+-") == 0 ? 1 : 0, digit = text.substr(at, 1) == "." ? at + 1 : at;
   return digit < text.size() && text[digit] >= '0' && text[digit] <= '9';
 }

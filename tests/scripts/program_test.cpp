@@ -546,13 +546,13 @@ TEST(Program, ReportsAreMadeAgain) {
 TEST(Program, AParameterThatBeginsWithASignOrADotIsATextUnlessADigitFollows) {
   const TemporaryFolder dir;
   write(dir / "scenario.lua",
-        "local p = parameters { file = '../data/twin.so', sign = '-', ten = '+.1 m' }\n"
+        "local p = parameters { file = '../data/twin.so', sign = '-', ten = '+.1 m', two = ' 2 m', set = '1 m' }\n"
         "vehicle 'vehicle.yaml'\n"
         "mission { duration = 1 }\n"
         "check { name = 'texts', value = function() return #p.file + #p.sign end, equal = { 16 } }\n"
-        "check { name = 'number', value = function() return p.ten end, equal = { 0.1 } }\n");
+        "check { name = 'number', value = function() return p.ten + p.two + p.set end, equal = { 5.1 } }\n");
   fs::copy(kErrors + "/pendulum.yaml", dir / "vehicle.yaml");
-  const Finished run = run_program({"run", ".", "--out", "out"}, dir.path());
+  const Finished run = run_program({"run", ".", "--set", "set= 3 m", "--out", "out"}, dir.path());
   EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
 }
 
