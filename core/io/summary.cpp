@@ -7,7 +7,16 @@
 namespace cardan {
 namespace {
 constexpr std::size_t kMostWorst = 20;
+
+Json json_of(const Ledger& l) {
+  return {{"linear_momentum", l.linear_momentum},
+          {"angular_momentum", l.angular_momentum},
+          {"energy", l.energy},
+          {"limits", {{"linear_momentum", l.linear_limit}, {"angular_momentum", l.angular_limit}, {"energy", l.energy_limit}}},
+          {"verdict", l.pass ? "pass" : "fail"},
+          {"undecided", l.undecided}};
 }
+}  // namespace
 
 std::string_view name_of(Verdict v) {
   constexpr std::string_view kNames[] = {"passed", "failed", "interrupted", "aborted"};
@@ -43,14 +52,7 @@ std::string to_json(const Summary& s) {
       {"ended_by", s.ended_by},
       {"failure", s.failure ? to_json(*s.failure) : Json()},
       {"checks", checks},
-      {"ledger",
-       {{"linear_momentum", s.ledger.linear_momentum},
-        {"angular_momentum", s.ledger.angular_momentum},
-        {"energy", s.ledger.energy},
-        {"limits",
-         {{"linear_momentum", s.ledger.linear_limit}, {"angular_momentum", s.ledger.angular_limit}, {"energy", s.ledger.energy_limit}}},
-        {"verdict", s.ledger.pass ? "pass" : "fail"},
-        {"undecided", s.ledger.undecided}}},
+      {"ledger", s.ledger ? json_of(*s.ledger) : Json()},
       {"simulated_s", s.simulated_s},
       {"planned_s", s.planned_s},
       {"wall_s", s.wall_s},

@@ -54,7 +54,7 @@ struct Summary {
   std::string ended_by;  // "the planned end", "stop() in event \"docked\"", "SIGTERM", "N0101: ..."
   std::optional<RunFailure> failure;
   std::vector<Check> checks;
-  Ledger ledger;
+  std::optional<Ledger> ledger;                             // absent: the mission has none
   double simulated_s = 0.0, planned_s = 0.0, wall_s = 0.0;  // planned: the end that the run was to reach
   double cpu_s = 0.0;                                       // of processor time, from the first step to the last
   long steps = 0, rhs_calls = 0, rejected = 0, restarts = 0;

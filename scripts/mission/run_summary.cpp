@@ -72,15 +72,17 @@ Summary run_summary(const Scenario& s, double wall_s) {
   const Model& m = *s.model;
   Summary out;
   out.scenario = s.file.filename().string();
-  const LedgerState& worst = s.sim->worst_ledger();
-  out.ledger = {worst.linear_relative,
-                worst.angular_relative,
-                worst.energy_relative,
-                worst.linear_limit,
-                worst.angular_limit,
-                worst.energy_limit,
-                worst.pass,
-                worst.undecided()};
+  if (s.mission.simulation.ledger) {
+    const LedgerState& worst = s.sim->worst_ledger();
+    out.ledger = Ledger{worst.linear_relative,
+                        worst.angular_relative,
+                        worst.energy_relative,
+                        worst.linear_limit,
+                        worst.angular_limit,
+                        worst.energy_limit,
+                        worst.pass,
+                        worst.undecided()};
+  }
   out.warnings = run_warnings(s);
   out.drawn = s.drawn;
   out.simulated_s = s.sim->time();
@@ -177,15 +179,16 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
       checks_text(sum.checks) + figures_text("figures", sum.figures) +
       figures_text(s.seed == 0 ? "parameters that chance sets, here as they are given (seed 0)" : "parameters that chance set", sum.drawn) +
       hinges_text(ranges) + modes_text(ranges);
-  if (s.mission.simulation.ledger)
+  if (const auto& ledger = sum.ledger) {
     text += fmt::format(
         "\nledgers: largest residual over the sum of magnitudes\n  linear momentum {:.1e}   angular momentum {:.1e}   "
         "energy {:.1e}\n",
-        sum.ledger.linear_momentum, sum.ledger.angular_momentum, sum.ledger.energy);
-  if (!sum.ledger.undecided.empty())
-    text +=
-        fmt::format("  no verdict on {}: what the steps and their integrals may leave at this tolerance is more than a tenth of the sum\n",
-                    fmt::join(sum.ledger.undecided, ", "));
+        ledger->linear_momentum, ledger->angular_momentum, ledger->energy);
+    if (!ledger->undecided.empty())
+      text += fmt::format(
+          "  no verdict on {}: what the steps and their integrals may leave at this tolerance is more than a tenth of the sum\n",
+          fmt::join(ledger->undecided, ", "));
+  }
   if (sum.ended_by.starts_with("stop()"))
     text += fmt::format("\nended at t = {:.6g} of {:.6g} s by {}\n", sum.simulated_s, sum.planned_s, sum.ended_by);
   text += fmt::format("\n{:.6g} s simulated in {:.3g} s ({:.4g} times real time), {}\n{} steps, {} function calls, {} restarts\n",

@@ -170,6 +170,11 @@ class Judge {
 
   void of_ledger() {
     const Json& ledger = summary_["ledger"];
+    if (ledger.is_null()) {
+      if (golden_.ledger)
+        add_problem("ledger", "balances", {Code::out_of_range, golden_.ledger->at, "balances of the run", "none: mission.ledger is false"});
+      return;
+    }
     if (!golden_.ledger) {
       ClaimRow& row = add("ledger", "balances");
       row.why = "what the errors of the steps explain";

@@ -119,7 +119,7 @@ void write_example_run(const std::string& path, int rows, bool finished) {
     s.checks = {{"pointing error at the end", 0.0031, 0.01, true, "deg", "largest axis, after 200 s", -HUGE_VAL, 0.01},
                 {"jitter", 1.8, 2.0, true, "arcsec", "standard deviation over the last 30 s", -HUGE_VAL, 2.0},
                 {"energy balance", 3.2e-12, 1e-9, true, "-", "", -HUGE_VAL, 1e-9}};
-    s.ledger = {1.1e-15, 3.4e-14, 3.2e-12, 1e-12, 1e-12, 1e-12, false};
+    s.ledger = Ledger{1.1e-15, 3.4e-14, 3.2e-12, 1e-12, 1e-12, 1e-12, false};
     s.warnings.add(Code::beyond_the_model, {"bodies.wing_left", {"vehicle.yaml", 12, 5}}, "eta 1 reaches 0.3 m, 5 % of its length <b>",
                    "level: 2", 31.25);
     s.warnings.add(Code::mission_doubt, {}, "the mission ends before its last phase");

@@ -150,6 +150,21 @@ TEST_F(Regress, AReferenceHasTheComponentsOfTheChannel) {
   EXPECT_TRUE(has(results().dump(), "a reference of b, a, as the channel has them")) << results().dump(1);
 }
 
+// They were told to be zero, and to pass.
+TEST_F(Regress, BalancesThatNobodyKeepsAreNotJudged) {
+  const std::string none = printed() + "settings: {mission.ledger: false}\n", bound = "ledger: {energy: 1e-3, why: a bound}\n";
+  add("none", none);
+  EXPECT_EQ(regress().exit_code, 0);
+  EXPECT_TRUE(summary_of(dir_ / "out/regress/none")["ledger"].is_null());
+  EXPECT_FALSE(has(results().dump(), "\"kind\":\"ledger\""));
+  EXPECT_TRUE(fs::exists(dir_ / "out/regress/none/report.html"));
+  write(dir_ / "none/golden.yaml", none + bound);
+  EXPECT_EQ(regress().exit_code, 1);
+  EXPECT_TRUE(has(results().dump(), "none: mission.ledger is false")) << results().dump(1);
+  write(dir_ / "none/golden.yaml", printed() + bound);
+  EXPECT_EQ(regress().exit_code, 0);
+}
+
 TEST_F(Regress, AFailedCheckOfTheScenarioFails) {
   add("swing", printed() + "settings: {start: 31 deg}\n");  // which the period knows
   EXPECT_EQ(regress().exit_code, 1);

@@ -14,7 +14,7 @@ Summary example() {
   Summary s;
   s.scenario = "slew";
   s.checks = {{"pointing", 0.1, 0.2, true, "deg", "after 60 s"}, {"jitter", 1.0 / 3.0, 0.25, false, "arcsec", ""}};
-  s.ledger = {1e-15, 2e-14, 3e-12};
+  s.ledger = Ledger{1e-15, 2e-14, 3e-12};
   s.simulated_s = 120.0;
   s.wall_s = 2.5;
   s.cpu_s = 2.25;
@@ -72,7 +72,7 @@ TEST(Summary, HasTheKeysThatToolsRelyOn) {
 
 TEST(Summary, TellsTheBalancesWhoseLimitJudgesNothing) {
   Summary s = example();
-  s.ledger.undecided = {"linear momentum", "energy"};
+  s.ledger = Ledger{.undecided = {"linear momentum", "energy"}};
   const Json ledger = Json::parse(to_json(s))["ledger"];
   EXPECT_EQ(ledger["undecided"], (Json{"linear momentum", "energy"}));
   EXPECT_EQ(ledger["verdict"], "pass");
