@@ -404,6 +404,16 @@ std::string conversions(std::string_view text) {
   return out;
 }
 
+/// "1 mdeg is 0.001 deg" of a prefix that is none here, or stands at a unit that takes none; empty: the text is nothing of that kind.
+std::string without_prefix(std::string_view text) {
+  for (const Symbol& s : kSymbols) {
+    if (text.size() != s.name.size() + 1 || text.substr(1) != s.name) continue;
+    const auto p = std::ranges::find(kPrefixes, text[0], &Prefix::name);
+    if (text[0] == 'h' || p != std::end(kPrefixes)) return fmt::format("1 {} is {:g} {}", text, text[0] == 'h' ? 100.0 : p->factor, s.name);
+  }
+  return {};
+}
+
 std::string number_hint(std::string_view text) {
   const std::string_view digits = text.substr(!text.empty() && (text[0] == '-' || text[0] == '+') ? 1 : 0);
   if (digits.size() > 1 && digits[0] == '0' && is_digit(digits[1]))
@@ -426,6 +436,7 @@ std::optional<Unit> parse_unit(std::string_view text) { return UnitParser(ascii_
 std::string unit_hint(std::string_view text, const Dimension* wanted) {
   const std::string plain = ascii_notation(text);
   if (std::string known = conversions(plain); !known.empty()) return known;
+  if (std::string plainly = without_prefix(plain); !plainly.empty()) return plainly;
   if (const Repair repair = repaired(plain, wanted); !repair.unit.empty())
     return plain.find('/') != std::string::npos && repair.unit.find('(') != std::string::npos && plain.find('(') == std::string::npos
                ? fmt::format("after a `/` a product needs parentheses: {}", repair.unit)

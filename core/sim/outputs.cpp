@@ -112,8 +112,9 @@ class Outputs {
     const bool prescribed = !model_.spec->bodies[at(index)].hinge.prescribed.empty();
     if (has_quaternion(*family) && !prescribed) return;
     add(path + "force", names, unit_of_channel(units), "",
-        prescribed ? "force of the actuators; of prescribed components, that which their drive gives; springs and dampers not included"
-                   : "force of the actuators, springs and dampers not included",
+        prescribed
+            ? "force that is commanded; of prescribed components, that which their drive gives; springs, loads and devices not included"
+            : "force that is commanded; springs, loads and devices not included",
         [&sim = sim_, id, family, prescribed, all = std::vector<double>()](double* x) mutable {
           const auto moving = [&](const UserBody& now) {
             for (int j = 0; j < now.nv; ++j) x[j] = sim.force(now.v + j);

@@ -91,6 +91,8 @@ TEST(Units, ThatAreMistypedAreAnsweredByWhatIsMeant) {
   EXPECT_EQ(hint("30 degrees", "rad"), "did you mean \"deg\"?");
   EXPECT_EQ(hint("30 degs/sec", "rad/s"), "did you mean \"deg/s\"?");
   EXPECT_EQ(hint("12 Kg", "kg"), "did you mean \"kg\"?");
+  EXPECT_EQ(hint("12 mdeg", "rad"), "1 mdeg is 0.001 deg") << "not metre degrees";
+  EXPECT_EQ(hint("12 hPa", "Pa"), "1 hPa is 100 Pa");
   EXPECT_EQ(hint("12 KM", "m"), "did you mean \"km\"?");
   EXPECT_EQ(hint("12 RPM", "rad/s"), "did you mean \"rpm\"?");
   EXPECT_EQ(hint("8 d", "s"), "did you mean \"day\"?");
