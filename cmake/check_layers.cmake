@@ -56,7 +56,6 @@ set(layers
 # Headers of others by the beginning of their name, and where they may be named. The standard library is free.
 set(external
   "Eigen/|core/spatial core/linalg core/abi/family.hpp core/abi/laws.cpp core/abi/law_tools core/abi/body_laws.cpp core/abi/modal_view.cpp core/model core/dynamics core/operators core/time core/reference core/sim bodies hinges plugins scripts/lua/ scripts/mission/ scripts/bindings/ tests bench"
-  "unsupported/Eigen/MatrixFunctions|core/linalg/riccati.cpp"
   "fmt/|core/base core/linalg core/abi core/model core/dynamics core/operators core/io core/time core/sim bodies/modal/ bodies/vehicle/ scripts tests bench"
   "yaml-cpp/|core/io/yaml_reader.cpp tests"
   "tinyxml2.h|core/io/xml_reader.cpp"

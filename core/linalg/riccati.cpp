@@ -3,7 +3,6 @@
 #include <Eigen/Dense>
 #include <algorithm>
 #include <cmath>
-#include <unsupported/Eigen/MatrixFunctions>
 
 #include "core/linalg/dense.hpp"
 
@@ -13,7 +12,7 @@ namespace {
 using Eigen::Index;
 using Eigen::MatrixXd;
 
-constexpr int kMostDoublings = 60;
+constexpr int kMostDoublings = 60, kMostTerms = 40;
 constexpr double kMostOfDt = 1100.0;  // halves of a time, of any size that a double has
 constexpr double kRounding = 1e-15, kResidual = 1e-8;
 
@@ -55,6 +54,19 @@ void refine(MatrixXd& X, const Equation& equation, const Correction& correction)
       return;
     }
   }
+}
+
+/// X1 + X2 + ... of X_k = next(X_(k-1)) / k, until no entry changes: each has its digits, those too through which a chain of integrators
+/// leads, and which are small beside all others.
+template <class Next>
+MatrixXd series(MatrixXd term, const Next& next) {
+  MatrixXd sum = term;
+  for (Index k = 2; k < kMostTerms + 2 * sum.rows(); ++k) {
+    term = next(term) / static_cast<double>(k);
+    sum += term;
+    if ((term.array().abs() <= 1e-17 * sum.array().abs()).all()) break;
+  }
+  return sum;
 }
 
 /// The shift that halves the way, in powers, between the nearest and the farthest eigenvalue.
@@ -110,20 +122,20 @@ std::optional<Riccati> discrete_riccati(const MatrixXd& A, const MatrixXd& B, co
 Discretised discretised(const MatrixXd& A, const MatrixXd& B, const MatrixXd& W, double dt) {
   const Index n = A.rows();
   const MatrixXd one = MatrixXd::Identity(n, n);
-  // Of so short a part of dt that exp(A h) is near one and exp(-A h), which is in `noise`, of size one; then of twice that, up to dt.
+  // Of so short a part of dt that A h is of size one; then of twice that, up to dt.
   const double size = A.lpNorm<1>() * dt;
   const int doublings = size > 1.0 ? static_cast<int>(std::min(std::ceil(std::log2(size)), kMostOfDt)) : 0;
   const double h = std::ldexp(dt, -doublings), density = W.lpNorm<Eigen::Infinity>();
-  MatrixXd both = MatrixXd::Zero(2 * n, 2 * n), noise(2 * n, 2 * n);
-  both.topRows(n) << A * h, one;
-  noise << -A * h, W * (density > 0.0 ? h / density : 0.0), MatrixXd::Zero(n, n), A.transpose() * h;
-  const MatrixXd spread = noise.exp();
+  const MatrixXd Ah = A * h;
   // Without the sizes of B and W, which would cost digits: the integral of exp(A s) over s, and exp(A s) - 1, in which what only adds up
   // keeps its zeros.
-  MatrixXd sum = h * both.exp().topRightCorner(n, n), more = A * sum, part = spread.bottomRightCorner(n, n).transpose(),
-           Wd = part * spread.topRightCorner(n, n);
+  MatrixXd sum = series(h * one, [&](const MatrixXd&term) -> MatrixXd { return Ah * term; }), more = A * sum;
+  MatrixXd Wd = series(W * (density > 0.0 ? h / density : 0.0), [&](const MatrixXd& term) {
+    const MatrixXd half = Ah * term;
+    return MatrixXd(half + half.transpose());
+  });
   for (int i = 0; i < doublings; ++i) {
-    part = one + more;
+    const MatrixXd part = one + more;
     Wd += (part * Wd * part.transpose()).eval();
     sum += (part * sum).eval();
     more += (part * more).eval();

@@ -19,8 +19,7 @@ std::optional<Riccati> continuous_riccati(const Eigen::MatrixXd& A, const Eigen:
 std::optional<Riccati> discrete_riccati(const Eigen::MatrixXd& A, const Eigen::MatrixXd& B, const Eigen::MatrixXd& Q,
                                         const Eigen::MatrixXd& R);
 
-/// x' = A x + B u + w with u constant over dt and white noise w of density W: x+ = Ad x + Bd u + wd, the covariance of wd being Wd
-/// (Van Loan 1978).
+/// x' = A x + B u + w with u constant over dt and white noise w of density W: x+ = Ad x + Bd u + wd, the covariance of wd being Wd.
 struct Discretised {
   Eigen::MatrixXd A, B, W;
 };

@@ -169,6 +169,29 @@ TEST(Discretised, KeepsItsDigitsAtAnyInputAndOverLongTicks) {
   }
 }
 
+/// A chain of integrators at ticks of any length: every entry has its digits, the covariance of the first one too, which goes as T^(2 n -
+/// 1).
+TEST(Discretised, KeepsTheDigitsOfEachOfAChain) {
+  for (const int n : {2, 3, 4, 6, 9})
+    for (const double T : {1e-5, 1e-3, 0.1, 1.0, 10.0}) {
+      MatrixXd A = MatrixXd::Zero(n, n), B = MatrixXd::Zero(n, 1), W = MatrixXd::Zero(n, n);
+      A.diagonal(1).setOnes();
+      B(n - 1, 0) = W(n - 1, n - 1) = 1.0;
+      const Discretised step = discretised(A, B, W, T);
+      for (int i = 0; i < n; ++i) {
+        const int a = n - 1 - i;
+        EXPECT_NEAR(step.B(i, 0) / (std::pow(T, a + 1) / std::tgamma(a + 2)), 1.0, 1e-13) << n << ", " << T << ": " << i;
+        for (int j = 0; j < n; ++j) {
+          const int b = n - 1 - j;
+          EXPECT_NEAR(step.A(i, j), j < i ? 0.0 : std::pow(T, j - i) / std::tgamma(j - i + 1), j < i ? 0.0 : 1e-13 * step.A(i, j))
+              << n << ", " << T;
+          EXPECT_NEAR(step.W(i, j) / (std::pow(T, a + b + 1) / ((a + b + 1) * std::tgamma(a + 1) * std::tgamma(b + 1))), 1.0, 1e-13)
+              << n << ", " << T << ": " << i << ", " << j;
+        }
+      }
+    }
+}
+
 /// A motor that follows within a part of a tick turns a wheel: noise of density q on its rate, x'' = -a x' + w.
 TEST(Discretised, TakesNoiseThroughWhatIsFastBesideATick) {
   const double q = 0.7, T = 0.5;
