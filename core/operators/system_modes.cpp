@@ -123,6 +123,48 @@ struct Vibrations {
   bool complete = false;
 };
 
+/// Of each component by itself.
+VectorXd inertias(int n, const Mass& mass) {
+  VectorXd unit = VectorXd::Zero(n), column(n), out(n);
+  for (int i = 0; i < n; ++i) {
+    unit[i] = 1.0;
+    mass(unit, column);
+    out[i] = column[i];
+    unit[i] = 0.0;
+  }
+  return out;
+}
+
+/// The rows B of a device that resists what it is strained by, B* B = K, in components of the inertia 1 / scale^2; nothing where it drives
+/// something on.
+std::optional<MatrixXd> root_of(const DeviceStiffness& d, const VectorXd& scale) {
+  const auto scaled = [&](const MatrixXd& A) { return MatrixXd(scale.asDiagonal() * A * scale.asDiagonal()); };
+  const DensePairs pairs = symmetric_pairs(scaled(d.K));
+  const double least = DeviceStiffness::kNothing * scaled(d.size).maxCoeff<Eigen::PropagateNaN>();
+  if (!(pairs.values[0] >= -least)) return {};
+  const Eigen::Index rank = (pairs.values.array() > least).count();
+  return MatrixXd(pairs.values.tail(rank).cwiseSqrt().asDiagonal() * pairs.vectors.rightCols(rank).transpose() *
+                  scale.cwiseInverse().asDiagonal());
+}
+
+/// root* root = Y* K Y, so that low frequencies keep their digits beside high ones; nothing where a device drives something on.
+std::optional<MatrixXd> root_along(const MatrixXd& Y, const TreeOperators& tree, const Joint& J,
+                                   const std::vector<DeviceStiffness>& devices, bool stiff, const Mass& mass) {
+  MatrixXd root = J.K.cwiseSqrt().asDiagonal() * Y;
+  for (std::size_t i = 0; i < J.K_modes.size(); ++i)
+    if (const OperatorBody& b = tree.bodies()[i]; J.K_modes[i].size() > 0)
+      root.middleRows(b.etadot, b.m) = cholesky(J.K_modes[i])->transpose() * Y.middleRows(b.etadot, b.m);
+  if (!stiff) return root;
+  const VectorXd scale = inertias(tree.size(Space::hinge), mass).cwiseSqrt().cwiseInverse();
+  for (const DeviceStiffness& d : devices) {
+    const std::optional<MatrixXd> own = root_of(d, scale);
+    if (!own) return {};
+    root.conservativeResize(root.rows() + own->rows(), Eigen::NoChange);
+    root.bottomRows(own->rows()) = *own * Y;
+  }
+  return root;
+}
+
 [[noreturn]] void refuse_unstable() {
   cardan::refuse(Code::unsupported, {"modes of the system"}, "a positive stiffness with what devices push",
                  "an equilibrium that is not stable, or none", "linearize() has its poles");
@@ -225,6 +267,18 @@ Vibrations densely(const TreeOperators& tree, const Joint& J, const std::vector<
     out.residual[j] = std::sqrt(std::max(r.dot(*K_inverse * r), 0.0) / out.lambda[j]);
   }
   out.elastic = spread(T * X);
+  if (wanted == 0 || out.residual.maxCoeff() <= kResidualLimit) return out;
+  // Frequencies very far apart: by singular values, which take longer.
+  const MatrixXd Y = spread(orthonormalised(T, MT));
+  if (const auto root = root_along(Y, tree, J, devices, true, mass)) {
+    const RightSingular all = right_singular(*root);
+    const MatrixXd lowest = all.vectors.rightCols(wanted).rowwise().reverse();
+    out.lambda = all.values.tail(wanted).reverse().cwiseAbs2();
+    out.elastic = Y * lowest;
+    for (Eigen::Index j = 0; j < wanted; ++j)
+      out.residual[j] =
+          (root->transpose() * (*root * lowest.col(j)) - out.lambda[j] * lowest.col(j)).norm() / (std::sqrt(out.lambda[j]) * all.values[0]);
+  }
   return out;
 }
 
@@ -441,12 +495,12 @@ SystemModes modes_of(const TreeOperators& tree, const SystemModesOptions& option
 /// [1/s^2] The largest stiffness of a component over its own inertia: beside it, what loops leave of it is rounding.
 double stiffest(const TreeOperators& tree, const Joint& J, const Mass& mass) {
   const int n = tree.size(Space::hinge);
-  VectorXd unit = VectorXd::Zero(n), column(n);
+  const VectorXd inertia = inertias(n, mass);
+  VectorXd unit = VectorXd::Zero(n);
   double largest = 0.0;
   for (const int i : J.stiff) {
     unit[i] = 1.0;
-    mass(unit, column);
-    largest = std::max(largest, J.times(tree, J.K, J.K_modes, unit)[i] / column[i]);
+    largest = std::max(largest, J.times(tree, J.K, J.K_modes, unit)[i] / inertia[i]);
     unit[i] = 0.0;
   }
   return largest;
@@ -489,25 +543,23 @@ Vibrations along(const MatrixXd& X, const TreeOperators& tree, const Joint& J, c
   for (Eigen::Index j = 0; j < free; ++j) KY.col(j) = J.times(tree, J.K, J.K_modes, Y.col(j));
   for (const DeviceStiffness& d : devices) KY += d.K * Y;
   MatrixXd K = Y.transpose() * KY;
-  if (stiff && options.closed) K -= turned_aside(Y, tree, devices, options);
-  K = (0.5 * (K + K.transpose())).eval();
+  const MatrixXd aside = stiff && options.closed ? turned_aside(Y, tree, devices, options) : MatrixXd::Zero(free, free);
+  K = (0.5 * (K + K.transpose() - aside - aside.transpose())).eval();
+
+  const std::optional<MatrixXd> root = aside.isZero(0.0) ? root_along(Y, tree, J, devices, stiff, mass) : std::nullopt;
 
   Vibrations out;
   out.complete = true;
   VectorXd lambda;  // ascending
   MatrixXd vectors;
   double nothing = 0.0;
-  if (stiff) {
+  if (!root) {
     const DensePairs pairs = symmetric_pairs(K);
     lambda = pairs.values, vectors = pairs.vectors;
     nothing = kRigid * lambda.cwiseAbs().maxCoeff<Eigen::PropagateNaN>();
     if (!(lambda[0] >= -nothing)) refuse_unstable();
   } else {
-    MatrixXd root = J.K.cwiseSqrt().asDiagonal() * Y;  // root* root = Y* K Y: low frequencies keep their digits
-    for (std::size_t i = 0; i < J.K_modes.size(); ++i)
-      if (const OperatorBody& b = tree.bodies()[i]; J.K_modes[i].size() > 0)
-        root.middleRows(b.etadot, b.m) = cholesky(J.K_modes[i])->transpose() * Y.middleRows(b.etadot, b.m);
-    const RightSingular found = right_singular(root);  // descending, and no more than there are rows
+    const RightSingular found = right_singular(*root);  // descending, and no more than there are rows
     lambda.setZero(free), vectors = found.vectors.rowwise().reverse();
     lambda.tail(found.values.size()) = found.values.cwiseAbs2().reverse();
     nothing = kRigid * kRigid * std::max(lambda[free - 1], stiffest(tree, J, mass));
