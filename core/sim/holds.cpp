@@ -19,6 +19,8 @@ constexpr double kAtRest = 1e-12;      // likewise: what is less after a jump is
 /// is never a matter of rounding.
 constexpr double kLoose = 1.0 + 1e-12, kRoot = 1.0 + 1e-10;
 
+constexpr double kAlike = 1.0 - 1e-9;  // of the largest overload: what is loaded alike gives way together
+
 constexpr std::size_t kRounds = 12;  // looks at each, at most: where some hold or slide against each other they are tried in turn
 
 /// Of loads that grow together from nothing what has the largest part of its most gives way first.
@@ -130,9 +132,9 @@ void Simulation::start_holds() {
   changed();
 }
 
-/// What is held stands still; what more would be needed for than can be breaks away, one after the other, what is loaded most first: what
-/// still holds may need less then. What would then begin to move against the way that it was let go, and be pushed along by its friction,
-/// is held again.
+/// What is held stands still; what more would be needed for than can be breaks away, one after the other, what is loaded most first, alike
+/// ones together: what still holds may need less then. What would then begin to move against the way that it was let go, and be pushed
+/// along by its friction, is held again.
 void Simulation::settle_holds() {
   start_holds();
   std::vector<int> let_go = std::move(holds_.let_go);  // its room is kept; what a device does as it breaks away may come here again
@@ -152,14 +154,19 @@ void Simulation::settle_holds(std::vector<int>& let_go) {
     const auto is_loose = [&](std::size_t i) { return overload(forces[i]) > kLoose; };
     const auto is_pushed_along = [&](std::size_t i) { return let_go[i] * forces[i].acceleration < 0.0; };
     auto i = static_cast<std::size_t>(std::ranges::max_element(forces, {}, overload) - forces.begin());
-    if (!is_loose(i) || pass > 2 * holds.size())  // one by one in their order it comes to an end [Murty 1974]
+    const bool in_order = !is_loose(i) || pass > 2 * holds.size();  // one by one it comes to an end [Murty 1974]
+    if (in_order)
       for (i = 0; i < holds.size() && !is_loose(i) && !is_pushed_along(i);) ++i;
     if (i == holds.size()) {
       stop_what_is_held();
       if (!loops_ || !hold_what_is_blocked(let_go)) return;
     } else if (is_loose(i)) {
-      let_go[i] = way_of(forces[i]);
-      break_away(i, let_go[i]);
+      const double most = overload(forces[i]);
+      for (std::size_t j = 0; j < holds.size(); ++j) {
+        if (j != i && (in_order || !std::isfinite(most) || overload(forces[j]) < kAlike * most)) continue;
+        let_go[j] = way_of(forces[j]);
+        break_away(j, let_go[j]);
+      }
     } else {
       hold_again(holds[i]);
       let_go[i] = 0;

@@ -151,6 +151,28 @@ TEST(DryFriction, WhatIsLoadedMostGivesWayFirst) {
   }
 }
 
+/// A command pulls two wings that are alike past what holds them: both give way, and their hub does not turn, in whatever order they stand.
+TEST(DryFriction, WhatIsLoadedAlikeGivesWayTogether) {
+  const auto wing = [](const char* name, double side) {
+    return on(rigid(name, 10.0, {0, side, 0}, diagonal({3.0, 0.1, 3.0})), "hub", "revolute", {{side, 0, 0}}, {0, 0.5 * side, 0});
+  };
+  SystemSpec spec =
+      system({on(rigid("hub", 100.0, {0, 0, 0}, diagonal({20, 20, 20})), "", "free"), wing("left", 1.0), wing("right", -1.0)});
+  for (const char* at : {"left", "right"})
+    spec.devices.push_back(device(std::string("drag_") + at, "dry_friction", {{"coulomb", 1.0}, {"breakaway", 2.0}}, {{"at", at}}));
+  CompileOptions options;
+  options.node_wrenches = true;
+  Simulation sim(compiled(spec, options), accurate());
+  const int push = sim.add_wrench(0, false);
+  sim.run(0.1);
+  EXPECT_EQ(sim.state().marks[0] * sim.state().marks[2], 1.0);
+  sim.set_wrench(push, {{0, 0, 0}, {0, 0, 27.0}});  // 2.25 N m at each of the two hinges
+  sim.run(1.0);
+  EXPECT_LT(sim.state().v[6], -0.01);
+  EXPECT_NEAR(sim.state().v[6], sim.state().v[7], 1e-12);
+  EXPECT_NEAR(sim.state().v.head<3>().norm(), 0.0, 1e-12);
+}
+
 /// A brake of 12 N whose sliding friction is 10 N, under a weight of 20 N of which the first tick takes 9 N: it holds, as it would from
 /// before.
 TEST(DryFriction, HoldsWithWhatTheFirstTickCommands) {
