@@ -21,7 +21,7 @@ Eigen::Vector3d first_moment(const Eigen::Matrix<double, 6, 6>& rigid);
 /// The mass matrix is the sum over mass points (the integration points of the elements, and lumped masses)
 ///   M = sum_p m_p N_p* N_p + Q_p* J_p Q_p,     N_p, Q_p: displacement and rotation of point p per nodal dof,
 /// so that modal_integrals() of the points' shapes belongs to exactly this M. Of solids the points are the nodes, and masses between them
-/// (MassField::between) take the place of m_p.
+/// (MassField::between) take the place of m_p; of matrices with rotations three more for each node (masses_between in matrices.cpp).
 struct FeModel {
   std::vector<Eigen::Vector3d> nodes;          // [m]
   int per_node = 6;                            // dofs of a node: 6, or 3, displacements alone

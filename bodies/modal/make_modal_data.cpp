@@ -238,8 +238,8 @@ void set_rigid_and_first(const FeModel& model, const Eigen::MatrixXd& shapes, Mo
   I.I1 = A.bottomRightCorner<3, 3>().trace() / 3.0;
   I.I2 = first_moment(A);
   I.I7 = A.topLeftCorner<3, 3>();
-  const auto n = static_cast<Eigen::Index>(model.nodes.size());  // points behind are masses that the vehicle adds
-  const Eigen::Vector3d centre = model.point_position.leftCols(n) * model.point_mass.head(n) / model.point_mass.head(n).sum();
+  const auto n = static_cast<Eigen::Index>(model.nodes.size()), own = model.per_node == 6 ? 4 * n : n;  // behind: what the vehicle adds
+  const Eigen::Vector3d centre = model.point_position.leftCols(own) * model.point_mass.head(own) / model.point_mass.head(n).sum();
   for (std::size_t k = 0; k < I.I8.size(); ++k) {
     const auto mode = static_cast<Eigen::Index>(k);
     const Eigen::Vector3d more = first.col(mode).tail<3>() - I.I3.col(mode);

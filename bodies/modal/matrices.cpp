@@ -66,15 +66,32 @@ void read_nodes(const std::string& path, const Located& at, FeModel& model) {
 }
 
 /// M is a quadratic form in the velocities of the nodes. Where it weighs their three directions alike, m_ij x_i' x_j', it is that of masses
-/// between the nodes. What differs between the directions, and rotations, they do not know.
+/// between the nodes. What differs between the directions they do not know. With rotations, what M has of node j is at its distance d from
+/// there, as a mass with an offset is, and has the velocity u' + theta' x d: s_ij and P_ij are the sums of m d_j and of m d_i d_j*, and
+/// (FeModel::N) the components of d are three more points of each node.
 SparseMatrix masses_between(const FeModel& model) {
   const int n = static_cast<int>(model.nodes.size()), k = model.per_node, nodal = k * n;
   std::vector<Eigen::Triplet<double>> m;
-  for (int j = 0; j < model.M.outerSize(); ++j)
-    for (SparseMatrix::InnerIterator it(model.M, j); it; ++it)
-      if (it.row() < nodal && j < nodal && it.row() % k == j % k && j % k < 3)
-        m.emplace_back(static_cast<int>(it.row()) / k, j / k, it.value() / 3.0);
-  SparseMatrix out(n, n);
+  const auto add = [&](int row, int col, double value) { m.emplace_back(row, col, value); };
+  for (int j = 0; j < nodal; ++j)
+    for (SparseMatrix::InnerIterator it(model.M, j); it; ++it) {
+      if (it.row() >= nodal) continue;
+      const int from = static_cast<int>(it.row()) / k, to = j / k, a = static_cast<int>(it.row()) % k, b = j % k;
+      const double value = it.value();
+      if (a < 3 && b < 3) {
+        if (a == b) add(from, to, value / 3.0);
+      } else if (a < 3 && a != b - 3) {  // - s~ of the velocity of `from` and the rotation of `to`: half of each of two entries
+        const int axis = 3 - a - (b - 3);
+        const double share = (b - 3 == (a + 1) % 3 ? 0.5 : -0.5) * value;
+        add(from, n + 3 * to + axis, share), add(n + 3 * to + axis, from, share);
+      } else if (a >= 3 && b >= 3) {  // (d_i . d_j) 1 - d_j d_i*
+        add(n + 3 * from + b - 3, n + 3 * to + a - 3, -value);
+        if (a == b)
+          for (int c = 0; c < 3; ++c) add(n + 3 * from + c, n + 3 * to + c, 0.5 * value);
+      }
+    }
+  const int points = k == 6 ? 4 * n : n;
+  SparseMatrix out(points, points);
   out.setFromTriplets(m.begin(), m.end());
   return out;
 }

@@ -122,7 +122,8 @@ FeModel::Grip root_grip(const FeModel& model, const NodeSet& set, bool free, con
 }
 
 void add_masses(FeModel& model, const std::vector<PointMass>& masses, const Located& at) {
-  const auto n = static_cast<int>(model.nodes.size()), n_points = n + static_cast<int>(masses.size());
+  const auto n = static_cast<int>(model.nodes.size()), own_points = static_cast<int>(model.between.rows()),
+             n_points = own_points + static_cast<int>(masses.size());
   std::vector<Eigen::Triplet<double>> N[3], Q[3], M;
   for (int i = 0; i < n; ++i)
     for (int a = 0; a < 3; ++a) N[a].emplace_back(i, model.per_node * i + a, 1.0);
@@ -130,9 +131,14 @@ void add_masses(FeModel& model, const std::vector<PointMass>& masses, const Loca
   model.point_inertia.assign(static_cast<std::size_t>(n_points), Matrix3d::Zero());
   model.point_position.resize(3, n_points);
   for (int i = 0; i < n; ++i) model.point_position.col(i) = model.nodes[static_cast<std::size_t>(i)];
-  for (int p = n; p < n_points; ++p) {
-    const PointMass& mass = masses[static_cast<std::size_t>(p - n)];
-    const std::string field = fmt::format("masses[{}]", p - n);
+  for (int p = n; p < own_points; ++p) {  // a unit of distance from a node that turns
+    const int dof = model.per_node * ((p - n) / 3) + 3, along = (p - n) % 3, next = (along + 1) % 3, last = (along + 2) % 3;
+    model.point_position.col(p) = Vector3d::Unit(along);
+    N[next].emplace_back(p, dof + last, 1.0), N[last].emplace_back(p, dof + next, -1.0);
+  }
+  for (int p = own_points; p < n_points; ++p) {
+    const PointMass& mass = masses[static_cast<std::size_t>(p - own_points)];
+    const std::string field = fmt::format("masses[{}]", p - own_points);
     if (!(mass.mass > 0.0) || !std::isfinite(mass.mass))
       refuse(at, field + ".mass", Code::out_of_range, "a number > 0 [kg]", fmt::format("{}", mass.mass));
     const FeModel::Grip grip = grip_of(model, mass.nodes, mass.position, field, at);
@@ -165,7 +171,9 @@ void add_masses(FeModel& model, const std::vector<PointMass>& masses, const Loca
     assemble(model.N[a], n_points, model.n_dofs(), N[a]);
     assemble(model.Q[a], n_points, model.n_dofs(), Q[a]);
   }
-  model.point_mass = model.between * Eigen::VectorXd::Ones(n_points);
+  Eigen::VectorXd one = Eigen::VectorXd::Ones(n_points);
+  one.segment(n, own_points - n).setZero();
+  model.point_mass = model.between * one;
 }
 
 }  // namespace cardan
