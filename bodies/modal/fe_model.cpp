@@ -65,7 +65,10 @@ MatrixXd FeModel::Grip::of(const MatrixXd& shapes, int per_node) const {
 
 std::optional<FeModel::Grip> FeModel::grip(const Vector3d& position, const std::vector<int>& of) const {
   Grip out{position, of, MatrixXd::Identity(6, 6)};
-  if (per_node == 6) return out;
+  if (per_node == 6) {
+    out.B.topRightCorner<3, 3>() = skew(nodes[static_cast<std::size_t>(of.front())] - position);
+    return out;
+  }
   const auto k = static_cast<Eigen::Index>(of.size());
   Vector3d centre = Vector3d::Zero();
   for (const int i : of) centre += nodes[static_cast<std::size_t>(i)] / static_cast<double>(k);

@@ -90,12 +90,8 @@ std::vector<Attached> find_points(const FeModel& model, const ModalSource& sourc
                                 : root_grip(model, std::get<MatrixModel>(source.model).root, free, "matrices.root", source.at)});
       continue;
     }
-    int node = model.find_node(p.position);
-    if (node < 0 && !free) node = model.root_nodes.front();  // which moves as little
-    if (node < 0)
-      refuse(source.at, field + ".position", Code::fe_model,
-             model.exact_points ? "a point within one element of the mesh" : "the position of a node", "the origin");
-    found.push_back({p, *model.grip(p.position, {node})});
+    const int node = model.find_node(p.position);
+    found.push_back({p, *model.grip(p.position, {node < 0 ? model.root_nodes.front() : node})});
   }
   return found;
 }
