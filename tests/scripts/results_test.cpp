@@ -13,6 +13,7 @@
 #include <cstring>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <optional>
 #include <stdexcept>
 #include <thread>
@@ -435,6 +436,10 @@ TEST(Results, HoldTheShapesOfModes) {
   const auto shape = file.shape("/mode_shapes/0/shapes"), points = file.shape("/mode_shapes/0/points");
   EXPECT_EQ(shape, (std::vector<std::size_t>{file.shape("/mode_shapes/0/frequency").at(0), points.at(0), 3}));
   EXPECT_GT(file.shape("/mode_shapes/0/lines").at(0), 0u);
+  const std::vector<double> hz = file.read_doubles("/mode_shapes/0/frequency").values;  // of a cantilever of 4 m, 2 cm x 4 cm
+  const double flat = 3.51601526850015 / (2 * std::numbers::pi * 16) * 0.02 * std::sqrt(70e9 / 2700 / 12);
+  EXPECT_NEAR(hz[0], flat, 1e-5 * flat);
+  EXPECT_NEAR(hz[1], 2 * flat, 2e-5 * flat);
 }
 
 TEST(Results, ACheckThatIsNoNumberIsAFailureAndAllIsKept) {

@@ -4,11 +4,13 @@
 
 #include <cmath>
 
+#include "core/linalg/dense.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/four_bar.hpp"
 #include "tests/support/modal_samples.hpp"
+#include "tests/support/worse.hpp"
 
 namespace cardan::test {
 namespace {
@@ -486,6 +488,22 @@ TEST(FastestMotion, IsThatOfTheSpringOrTheDamper) {
   EXPECT_EQ(decays.what.find("the damper of bar."), 0u) << decays.what;
 }
 
+TEST(FastestMotion, IsThatOfTheModesOrTheirDamping) {
+  BodySpec boom = on(BodySpec{}, "", "locked");
+  boom.name = "boom", boom.type = "modal_flexible";
+  ModalData modal = lumped();
+  const auto largest_of = [&modal](const Eigen::MatrixXd& A) { return largest(*generalised_eigenvalues(A, modal.integrals.I6)); };
+  for (const double times : {0.1, 10.0}) {  // damping that does not count, and one that does
+    modal.C = times * modal.K;
+    boom.modal = std::make_shared<const ModalData>(modal);
+    const auto model = compiled(system({boom}));
+    const FastestMotion fastest = fastest_motion(model, model->initial_state().q.data());
+    EXPECT_EQ(fastest.decays, times > 1.0);
+    const double rate = times > 1.0 ? largest_of(modal.C) : std::sqrt(largest_of(modal.K));
+    EXPECT_NEAR(fastest.rate, rate, 1e-3 * rate);  // twenty steps of the power iteration
+  }
+}
+
 // A gear of 2 makes 2 + 4 x 0.5 kg m^2 of both, and holds a shaft that no spring is on; the open tree has 20 rad/s and 0.
 TEST(FastestMotion, OfClosedLoopsIsThatOfTheMotionsThatTheyAllow) {
   SystemSpec spec = sprung_bar(800.0, 200.0);
@@ -615,6 +633,13 @@ TEST(MotionProfiles, OfFrequencyZeroStandStill) {
   const MotionProfile still = MotionProfile::sine(0.2, 0.0, 0.3);
   EXPECT_EQ(still.travel(0.5, 2.0), 0.0);
   EXPECT_EQ(still.rate(1.0), 0.0);
+}
+
+TEST(MotionProfiles, TravelBackWhatTheyTravelled) {
+  for (const MotionProfile& p : {MotionProfile::rate_table({{0.0, 1.0}, {1.0, 3.0}, {2.0, -1.0}}), MotionProfile::sine(0.2, 0.7, 0.3)}) {
+    EXPECT_GT(std::abs(p.travel(0.3, 1.6)), 0.01);
+    EXPECT_EQ(p.travel(1.6, 0.3), -p.travel(0.3, 1.6));
+  }
 }
 
 }  // namespace

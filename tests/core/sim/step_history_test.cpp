@@ -158,7 +158,12 @@ TEST(StepHistory, NamesTheComponentWhoseErrorSetsTheSteps) {
   for (const std::string method : {"dopri5", "dop853", "cvode_adams", "cvode_bdf", "ark_explicit", "ark_imex", "ark_implicit"})
     for (const bool swapped : {false, true}) {
       Simulation sim(compiled(swapped ? slow_and_fast(30.0, 1.0) : slow_and_fast(1.0, 30.0)), of_method(method));
+      KeptSteps kept;
+      sim.record(kept, {}, {5, 1});
+      sim.record_steps({5, 1});
       sim.run(5.0);
+      ASSERT_EQ(kept.intervals.size(), 1u);
+      EXPECT_TRUE(kept.intervals[0].second.starts_with(swapped ? "first." : "second.")) << method << ": " << kept.intervals[0].second;
       const auto worst = sim.step_history().worst();
       ASSERT_FALSE(worst.empty()) << method;
       EXPECT_TRUE(worst[0].first.starts_with(swapped ? "first." : "second.")) << method << ": " << worst[0].first;

@@ -1,0 +1,96 @@
+// Numbers of channels as they are recorded, in the axes that their frames name, against statics and a steady turn.
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "core/sim/outputs.hpp"
+#include "core/sim/simulation.hpp"
+#include "tests/support/builders.hpp"
+
+namespace cardan::test {
+namespace {
+
+using Eigen::Vector3d;
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+
+Eigen::Matrix3d about(const Vector3d& axis, double angle) { return Eigen::AngleAxisd(angle, axis).toRotationMatrix(); }
+
+/// What is recorded at the present state below this path.
+Eigen::VectorXd recorded(Simulation& sim, const std::string& path, const OutputOptions& wanted = {}) {
+  for (const Output& o : standard_outputs(sim, wanted)) {
+    if (o.channel.path != path) continue;
+    Eigen::VectorXd x = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(o.channel.components.size()));
+    sim.observe();
+    o.fill(x.data());
+    return x;
+  }
+  ADD_FAILURE() << "no channel " << path;
+  return {};
+}
+
+/// An arm that turns about the vertical at a given rate: its hinge gives it m w^2 c towards the axis and holds its weight. Its pnode is
+/// turned against the body.
+TEST(Outputs, ReactionsAreInAxesOfThePnodeAndAccelerationsInThoseOfTheWorld) {
+  const double m = 3.0, L = 0.7, w = 1.3, g = 9.81, t = 0.4;
+  BodySpec arm = on(rigid("arm", m, {L, 0, 0}, diagonal({0.1, 0.2, 0.2})), "", "revolute", {{0, 0, 1}});
+  arm.hinge.pnode_R = about({0, 0, 1}, 0.6), arm.hinge.prescribed = {0}, arm.hinge.v = {w};
+  NodeSpec tip;
+  tip.name = "tip", tip.position = {2 * L, 0, 0};
+  arm.nodes = {tip};
+  Simulation sim(compiled(system({arm}, uniform_gravity({0, 0, -g}))), {});
+  sim.run(t);
+  const OutputOptions wanted{.reactions = {0}, .nodes = {sim.model().find_node("arm.tip")}};
+  const Vector3d c = arm.hinge.pnode_R.transpose() * Vector3d(L, 0, 0), weight(0, 0, m * g);
+  Vector6d reaction;
+  reaction << c.cross(weight), -m * w * w * c + weight;
+  EXPECT_LT((recorded(sim, "reactions/arm", wanted) - reaction).norm(), 1e-11 * m * g);
+  const Vector3d place = about({0, 0, 1}, w * t) * arm.hinge.pnode_R.transpose() * tip.position;
+  EXPECT_LT((recorded(sim, "nodes/arm.tip/position", wanted) - place).norm(), 1e-11);
+  EXPECT_LT((recorded(sim, "nodes/arm.tip/velocity", wanted) - w * Vector3d(0, 0, 1).cross(place)).norm(), 1e-11);
+  EXPECT_LT((recorded(sim, "nodes/arm.tip/acceleration", wanted) + w * w * place).norm(), 1e-11);
+}
+
+/// A body that a weld alone holds against its weight, at a place beside its mass centre.
+TEST(Outputs, ReactionsOfLoopsAreInAxesOfFrom) {
+  const double m = 4.0, g = 9.81;
+  const BodySpec block = on(rigid("block", m, {0, 0, 0}, diagonal({1, 2, 2.5})), "", "free");
+  SystemSpec spec = system({block}, uniform_gravity({0, 0, -g}));
+  LoopSpec& weld = spec.loops.emplace_back();
+  weld.name = "weld", weld.type = "weld", weld.to.body = "block", weld.to.position = weld.from.position = {0.5, 0.3, -0.2};
+  weld.to.R = weld.from.R = about(Vector3d(0.6, 0, 0.8), 0.9);
+  Simulation sim(compiled(spec), {});
+  sim.run(0.1);
+  const Vector3d weight(0, 0, m * g);
+  Vector6d reaction;
+  reaction << weld.from.R.transpose() * (-weld.to.position).cross(weight), weld.from.R.transpose() * weight;
+  EXPECT_LT((recorded(sim, "loops/weld/reaction") - reaction).norm(), 1e-10 * m * g);
+}
+
+TEST(Outputs, AHingeThatIsLockedTellsWhereItIsHeld) {
+  BodySpec arm = on(rigid("arm", 1.0, {1, 0, 0}, diagonal({1, 1, 1})), "", "cylindrical", {{0, 0, 1}});
+  arm.hinge.q = {0.3, -0.2}, arm.hinge.locked = true;
+  Simulation sim(compiled(system({arm})), {});
+  EXPECT_EQ(recorded(sim, "hinges/arm/angle")[0], 0.3);
+  EXPECT_EQ(recorded(sim, "hinges/arm/displacement")[0], -0.2);
+  EXPECT_EQ(recorded(sim, "hinges/arm/speed")[0], 0.0);
+  EXPECT_EQ(recorded(sim, "hinges/arm/force"), Eigen::Vector2d(0, 0));
+}
+
+/// Along the axis it is driven, against its weight; about it commanded.
+TEST(Outputs, ForcesAreThoseOfTheDriveAndThoseThatAreCommanded) {
+  const double m = 2.0, g = 9.81;
+  BodySpec arm = on(rigid("arm", m, {0, 0, 0}, diagonal({1, 1, 1})), "", "cylindrical", {{0, 0, 1}});
+  arm.hinge.prescribed = {1};
+  SpringDamper spring;
+  spring.component = 1, spring.stiffness = 50.0, spring.rest = 0.1;
+  arm.hinge.springs = {spring};
+  Simulation sim(compiled(system({arm}, uniform_gravity({0, 0, -g}))), {});
+  sim.set_force(0, 2.5);
+  const Eigen::VectorXd force = recorded(sim, "hinges/arm/force");
+  EXPECT_EQ(force[0], 2.5);
+  EXPECT_NEAR(force[1], m * g - 50.0 * 0.1, 1e-12);  // beside its spring
+}
+
+}  // namespace
+}  // namespace cardan::test
