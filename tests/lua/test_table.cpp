@@ -5,6 +5,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -208,17 +209,22 @@ TEST_F(LuaCall, SpendsTheBudgetOfCalls) {
 
 TEST_F(LuaCall, CallsWithPlainNumbers) {
   const LuaFunction f = function("function(a, b) return a + b, a - b, 'extra' end");
+  const LuaFunction two = function("function(a, b) return a + b, a - b end");
   std::array<double, 2> out{};
-  f.call(std::array{5.0, 3.0}, out);
+  two.call(std::array{5.0, 3.0}, out);
   EXPECT_EQ(out, (std::array{8.0, 2.0}));
+  const auto fault = [](const LuaFunction& of, std::span<double> results) {
+    try {
+      of.call(std::array{5.0, 3.0}, results);
+    } catch (const InputError& e) {
+      return e.diagnostics()[0].at.key_path + " | " + e.diagnostics()[0].got;
+    }
+    return std::string();
+  };
   std::array<double, 3> three{};
-  try {
-    f.call(std::array{5.0, 3.0}, three);
-    FAIL();
-  } catch (const InputError& e) {
-    EXPECT_EQ(e.diagnostics()[0].at.key_path, "result 3");
-    EXPECT_EQ(e.diagnostics()[0].got, "\"extra\" (string)");
-  }
+  EXPECT_EQ(fault(f, three), "result 3 | \"extra\" (string)");
+  EXPECT_EQ(fault(two, three), "result 3 | nil");
+  EXPECT_EQ(fault(f, out), "results | 3 values") << "more than are taken";
 }
 
 TEST_F(LuaCall, KeepsTheStackOfTheHostEmpty) {
