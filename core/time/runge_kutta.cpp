@@ -201,6 +201,7 @@ class RungeKutta final : public Integrator {
       begin();
       ++statistics_.steps;
       if constexpr (Method::adaptive) {
+        doubts_ = kTries;
         do report.limit = adaptive_step(t_stop);
         while (problem_.n_roots > 0 && !find_event(report));
         statistics_.error_sum += error_;
@@ -256,9 +257,10 @@ class RungeKutta final : public Integrator {
   std::string_view name() const override { return Method::name; }
 
  private:
-  static constexpr int kTries = 8;         // of the first step after a start
-  static constexpr int kSampled = 8;       // steps of rk4 to each that is estimated, the first of them
-  static constexpr int kStiffness = 1000;  // steps to each whose stability is looked at
+  static constexpr int kTries = 8;           // of the first step after a start, and of one whose inside is in doubt
+  static constexpr int kSampled = 8;         // steps of rk4 to each that is estimated, the first of them
+  static constexpr int kStiffness = 1000;    // steps to each whose stability is looked at
+  static constexpr double kDoubtful = 10.0;  // error, over what is allowed, of a step to the inside of an accurate one
   static constexpr int kLast = Method::rows - 1, kError = Method::stages;
 
   auto first_slope() const { return k_.col(0); }
@@ -279,6 +281,25 @@ class RungeKutta final : public Integrator {
     }
   }
 
+  /// Whether a stage of these felt what no stage did that the end of the step is made of, as a contact that the step goes through: such a
+  /// stage throws those behind it elsewhere, and by the conditions of its order neither the end of the step nor its error has anything of
+  /// it.
+  bool felt_alone(int first, int last) const {
+    constexpr double kAlone = 10.0;  // times as far from the first slope
+    const double h = t1_ - t0_;
+    for (int i = 0; i < n_; ++i) {
+      double alone = 0.0, together = 0.0;
+      for (int j = first; j <= last; ++j)
+        if (!is_in_the_end(j)) alone = std::max(alone, std::abs(k_(i, j) - k_(i, 0)));
+      if (!(h * alone > absolute_[i] + options_.relative_tolerance * std::abs(z0_[i]))) continue;
+      for (int j = 1; j < Method::rows; ++j)
+        if (is_in_the_end(j)) together = std::max(together, std::abs(k_(i, j) - k_(i, 0)));
+      if (alone > kAlone * together) return true;
+    }
+    return false;
+  }
+  static constexpr bool is_in_the_end(int stage) { return stage == kLast || (stage < kLast && Method::a[kLast][stage] != 0.0); }
+
   /// The stages that only the dense output needs.
   void complete_stages() {
     if (complete_) return;
@@ -290,6 +311,7 @@ class RungeKutta final : public Integrator {
     (std::make_integer_sequence<int, Method::stages - Method::rows>{});
     if (!complete_)
       fail_integration(Code::integrator_failed, t0_, "the right-hand side cannot be evaluated inside of a step", "a smaller step");
+    if (problem_.n_roots > 0) doubtful_ = doubtful_ || felt_alone(Method::rows, Method::stages - 1);
   }
 
   /// work_ = states and integrals at t: of order 4 for dopri5, of 7 for dop853, the cubic Hermite polynomial for rk4.
@@ -447,7 +469,8 @@ class RungeKutta final : public Integrator {
       const bool evaluated = try_step(t1);
       const double error = evaluated ? error_norm(h) : std::numeric_limits<double>::infinity();
       const double factor = std::clamp(change_by(error), 0.2, 5.0);
-      if (error <= 1.0) {
+      const bool alone = error <= 1.0 && problem_.n_roots > 0 && rejections < kTries && felt_alone(1, kLast);
+      if (error <= 1.0 && !alone) {
         const bool cut = 2.0 * h_ > left && h_ != left, longest = h_ == options_.max_step;
         const double next = h * (rejections > 0 ? std::min(factor, 1.0) : factor);
         h_ = shortened ? std::max(next, h_) : next;
@@ -459,7 +482,7 @@ class RungeKutta final : public Integrator {
       }
       worst_ = evaluated ? largest_of(share_.data(), n_) : -1;
       count_rejection(statistics_.rejected, problem_, worst_);
-      h_ = h * (error > 1.0 && factor < 1.0 ? factor : 0.2);  // 0.2 also when the error is not a number
+      h_ = h * (error > 1.0 && factor < 1.0 ? factor : 0.2);  // 0.2 also when the error is not a number, or of a stage alone
       if (rejections == max_rejections || h_ < 16.0 * std::numeric_limits<double>::epsilon() * std::abs(t0_))
         fail_integration(
             Code::step_too_small, t0_,
@@ -557,7 +580,9 @@ class RungeKutta final : public Integrator {
   bool find_event(StepReport& report) {
     const double whole = t1_;
     const auto state_at = [this](double t) {
-      if (t != t1_) must_step(t);
+      if (t == t1_) return z1_.data();
+      must_step(t);
+      if constexpr (Method::adaptive) doubtful_ = doubtful_ || !(error_norm(t1_ - t0_) <= kDoubtful);
       return z1_.data();
     };
     const auto inside = [this, whole](double t) {
@@ -577,12 +602,21 @@ class RungeKutta final : public Integrator {
       return work_.data();
     };
     double t = t1_;
+    doubtful_ = false;
     if (events_.find(t, state_at, inside, beside, roughly)) {
       report.event = true;
       report.crossed = events_.crossed();
     }
     state_at(t);
     if constexpr (Method::adaptive) {
+      if (doubtful_ && doubts_ > 0) {
+        --doubts_;
+        count_rejection(statistics_.rejected, problem_, -1);
+        h_ = 0.2 * (whole - t0_);
+        events_.take_back();
+        report.event = false;
+        return false;
+      }
       if (t == whole || tries_ == 0) return true;
       error_ = error_norm(t1_ - t0_);
       const bool accurate = !(error_ > 1.0), first = tries_ == kTries && !events_.at_corners() && t - t0_ > 1e-6 * (whole - t0_);
@@ -607,7 +641,8 @@ class RungeKutta final : public Integrator {
   double t0_ = 0.0, t1_ = 0.0;  // [s] of the last step
   double h_ = 0.0;              // [s] adaptive: the next step to try
   double error_ = 0.0;          // adaptive: of the last step, over what is allowed
-  int tries_ = 0;               // that are left
+  int tries_ = 0, doubts_ = 0;  // that are left
+  bool doubtful_ = false;       // an accurate step went past what its looks inside have met, or one of their stages alone
   bool started_ = false, slope_known_ = false;
   int at_the_limit_ = 0, inside_ = 0;             // steps: of stability; since then not
   Eigen::ArrayXd z0_, z1_, work_, inner_, zero_;  // states and integrals: step begin, step end, trial, scratch; zeros

@@ -337,6 +337,27 @@ TEST(Contact, KeepsMomentumOfTwoThatMeet) {
   }
 }
 
+/// Two equal balls that meet exchange their velocities, wherever in a long step of free flight they do so: of some stages of a step
+/// (the first ones of dop853 behind its beginning, those of its dense output) neither its end nor its error has anything.
+TEST(Contact, IsMetInTheMiddleOfALongStep) {
+  const double r = 0.05;
+  std::mt19937 rng(7);
+  std::uniform_real_distribution<double> gap(0.05, 0.4), speed(0.5, 2.5), log_k(4.5, 6.0);
+  for (const std::string method : {"dop853", "dopri5"}) {
+    int passed = 0;
+    for (int i = 0; i < 100; ++i) {
+      const double d = gap(rng), u = speed(rng);
+      SystemSpec spec =
+          system({ball("a", 1.0, r, {0, 0, 0}, {0, 0, 0, u, 0, 0}), ball("b", 1.0, r, {2 * r + d, 0, 0}, {0, 0, 0, 0, 0, 0})});
+      spec.devices = {contact("a", sphere(r), "b", sphere(r), {{"stiffness", std::pow(10.0, log_k(rng))}})};
+      Simulation sim(compiled(spec), accurate(method, 1e-9));
+      sim.run(2.0);
+      passed += std::abs(sim.state().v[9] - u) > 1e-4 * u ? 1 : 0;
+    }
+    EXPECT_EQ(passed, 0) << method;
+  }
+}
+
 /// Pads on a plane that rub at the height of the mass centre, in the middle of what overlaps: mu g from first to last, without a moment.
 TEST(Contact, SlidesToRestUnderFriction) {
   const double m = 3.0, g = 9.81, mu = 0.25, k = 1e5, v = 0.8, depth = std::pow(m * g / 3.0 / k, 1.0 / 1.5);
