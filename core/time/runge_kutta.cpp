@@ -611,7 +611,7 @@ class RungeKutta final : public Integrator {
     if constexpr (Method::adaptive) {
       if (doubtful_ && doubts_ > 0) {
         --doubts_;
-        count_rejection(statistics_.rejected, problem_, -1);
+        count_rejection(statistics_.rejected, problem_, largest_of(share_.data(), n_));
         h_ = 0.2 * (whole - t0_);
         events_.take_back();
         report.event = false;
