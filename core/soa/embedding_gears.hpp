@@ -169,10 +169,10 @@ CARDAN_INLINE void angles_of(const Coupling& c, const Sinusoids& sinusoids, cons
     a += 8;
     Four angle{}, speed{};
     for (int t = 0; t < n; ++t, a += 4) {
-      angle += (N > 0 ? at[t] : q[terms[t].q]) * four(a);
-      speed += (N > 0 ? speeds[t] : v[terms[t].v]) * four(a);
+      angle += (N > 0 ? at[t] : q[terms[t].q]) * four(a).x;
+      speed += (N > 0 ? speeds[t] : v[terms[t].v]) * four(a).x;
     }
-    four(x) = angle, four(rate) = speed;
+    four(x).x = angle, four(rate).x = speed;
   }
 }
 
@@ -209,10 +209,10 @@ CARDAN_INLINE double slopes_of(const Coupling& c, const Sinusoids& sinusoids, co
     const std::size_t few = N > 0 ? N : std::min<std::size_t>(terms - first, 3);
     std::size_t at = 0;
     for (const double* S = begin; S < end; S += block, at += 4) {
-      const Four s = four(sine + at), k = four(cosine + at), speed = four(rate + at);
-      curved += (four(S) * s + four(S + 4) * k) * speed * speed;
-      const Four slope = four(S) * k - four(S + 4) * s;
-      for (std::size_t t = 0; t < few; ++t) part[t] += slope * four(S + 8 + 4 * (first + t));
+      const Four s = four(sine + at).x, k = four(cosine + at).x, speed = four(rate + at).x;
+      curved += (four(S).x * s + four(S + 4).x * k) * speed * speed;
+      const Four slope = four(S).x * k - four(S + 4).x * s;
+      for (std::size_t t = 0; t < few; ++t) part[t] += slope * four(S + 8 + 4 * (first + t)).x;
     }
     const Lanes<4> sums = sums_of(part[0], part[1], part[2], curved);
     for (std::size_t t = 0; t < few; ++t) gradient[first + t] += sums.x[t];

@@ -430,7 +430,7 @@ static inline double scale_rows(const Embedding& e, const EmbeddedLoop& c, Embed
     if (!coupling || !c.coupling.is_linear())
       if (const double x = std::abs(residual[i]) * weight / c.lever; x > open) open = x;
     weight /= c.reference;
-    for (int j = 0; j < stride; j += 4) four(row + j) = Four{};
+    for (int j = 0; j < stride; j += 4) four(row + j).x = Four{};
     double constant = -g[i];
     for (int j = 0; j < c.own_columns; ++j) {
       const EmbeddedLoop::Column& x = c.columns[static_cast<std::size_t>(j)];
@@ -458,7 +458,7 @@ static inline double scale_rows(const Embedding& e, const EmbeddedLoop& c, Embed
 CARDAN_INLINE bool is_within(const double* row, int n, double most) {
   auto within = Four{} == Four{};
   int j = 0;
-  for (; j + 4 <= n; j += 4) within &= (four(row + j) <= most) & (four(row + j) >= -most);
+  for (; j + 4 <= n; j += 4) within &= (four(row + j).x <= most) & (four(row + j).x >= -most);
   bool all = (within[0] & within[1] & within[2] & within[3]) != 0;
   for (; j < n; ++j) all = all && std::abs(row[j]) <= most;
   return all;
@@ -696,7 +696,7 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
     int* column_at = k.column_at.data() + c.pivot;
     if (named) std::rotate(column_at + c.rank, column_at + c.own, column_at + columns);  // its own that are left come last
     const int stride = padded(columns + 1);
-    for (int x = 0; x < columns * c.width; x += 4) four(T + x) = Four{};
+    for (int x = 0; x < columns * c.width; x += 4) four(T + x).x = Four{};
     for (int p = 0; p < c.rank; ++p) {
       const double* row = B + row_at[p] * stride;
       double* t = T + column_at[p] * c.width;
@@ -713,7 +713,7 @@ static inline bool embedding_kinematics(const SweepModel& model, const Embedding
         set_row(E, x.scale, T + input * c.width, c.width);
         continue;
       }
-      for (int i = 0; i < c.width; i += 4) four(E + i) = Four{};
+      for (int i = 0; i < c.width; i += 4) four(E + i).x = Four{};
       if (x.given) continue;
       const EmbeddedLoop& other = e.loops[static_cast<std::size_t>(x.by)];
       const double* old = numbers + other.E + x.at * other.width;

@@ -1,6 +1,7 @@
 #pragma once
 // Bodies of one kernel side by side, one per lane (AlikeHinges): what stands body by body in the workspace as numbers of lanes, and back.
 // One body: plain numbers.
+#include <cstring>
 #include <type_traits>
 
 #include "core/model/gears.hpp"
@@ -12,19 +13,14 @@ namespace cardan::soa {
 template <int W>
 using Side = std::conditional_t<W == 1, double, Lanes<W>>;
 
-/// Two numbers of a row.
-using Two [[gnu::vector_size(16), gnu::aligned(8), gnu::may_alias]] = double;
-
 /// Numbers that stand side by side.
 template <class T>
 CARDAN_INLINE T side(const double* x) {
   if constexpr (kWidth<T> == 1) {
     return *x;
-  } else if constexpr (kWidth<T> == 2) {
-    const typename T::Pack a = *reinterpret_cast<const Two*>(x);  // a copy: what stands at x has no alignment
-    return T(a);
   } else {
-    const typename T::Pack a = four(x);
+    typename T::Pack a;
+    std::memcpy(&a, x, sizeof a);
     return T(a);
   }
 }
@@ -32,10 +28,8 @@ template <class T>
 CARDAN_INLINE void set_side(double* x, const T& a) {
   if constexpr (kWidth<T> == 1)
     *x = a;
-  else if constexpr (kWidth<T> == 2)
-    *reinterpret_cast<Two*>(x) = a.x;
   else
-    four(x) = a.x;
+    std::memcpy(x, &a.x, sizeof a.x);
 }
 /// number(i) of each lane.
 template <class T, class Number>

@@ -132,9 +132,9 @@ static void move_branch(const EmbeddedLoop& c, const double* const* E, const dou
   double *A = k.numbers.data() + c.A, *b = k.b.data() + c.x, *moves = k.scratch.data();  // M E, M e
   for (int j = 0; j < width; j += 4)
     for (int x = 0; x < RATES; ++x) {
-      Four sum = M[x * kMost] * four(E[0] + j);
-      for (int y = 1; y < RATES; ++y) sum += M[x * kMost + y] * four(E[y] + j);
-      four(moves + x * width + j) = sum;
+      Four sum = M[x * kMost] * four(E[0] + j).x;
+      for (int y = 1; y < RATES; ++y) sum += M[x * kMost + y] * four(E[y] + j).x;
+      four(moves + x * width + j).x = sum;
     }
   double left[RATES];
   for (int x = 0; x < RATES; ++x) left[x] = h[x] + moves[x * width + n];
@@ -143,9 +143,9 @@ static void move_branch(const EmbeddedLoop& c, const double* const* E, const dou
     for (int x = 0; x < RATES; ++x) bias += E[x][i] * left[x];
     b[i] += bias;
     for (int j = 0; j <= i; j += 4) {
-      Four sum = E[0][i] * four(moves + j);
-      for (int x = 1; x < RATES; ++x) sum += E[x][i] * four(moves + x * width + j);
-      four(A + i * width + j) += sum;
+      Four sum = E[0][i] * four(moves + j).x;
+      for (int x = 1; x < RATES; ++x) sum += E[x][i] * four(moves + x * width + j).x;
+      four(A + i * width + j).x += sum;
     }
   }
   if (!Q) return;

@@ -85,17 +85,20 @@ struct ChainRecord {
   std::vector<HingePlaces> places;
 };
 
-/// Four numbers of a row.
-using Four [[gnu::vector_size(32), gnu::aligned(8), gnu::may_alias]] = double;
-CARDAN_INLINE Four& four(double* x) { return *reinterpret_cast<Four*>(x); }
-CARDAN_INLINE const Four& four(const double* x) { return *reinterpret_cast<const Four*>(x); }
+/// Four numbers of a row, wherever they stand: packed, as clang forgets behind a reference what a vector type says of its alignment.
+using Four [[gnu::vector_size(32)]] = double;
+struct [[gnu::packed, gnu::may_alias]] FourOfRow {
+  Four x;
+};
+CARDAN_INLINE FourOfRow& four(double* x) { return *reinterpret_cast<FourOfRow*>(x); }
+CARDAN_INLINE const FourOfRow& four(const double* x) { return *reinterpret_cast<const FourOfRow*>(x); }
 /// y += a x of rows of whole fours.
 CARDAN_INLINE void add_row(double* y, double a, const double* x, int width) {
-  for (int j = 0; j < width; j += 4) four(y + j) += a * four(x + j);
+  for (int j = 0; j < width; j += 4) four(y + j).x += a * four(x + j).x;
 }
 /// y = a x.
 CARDAN_INLINE void set_row(double* y, double a, const double* x, int width) {
-  for (int j = 0; j < width; j += 4) four(y + j) = a * four(x + j);
+  for (int j = 0; j < width; j += 4) four(y + j).x = a * four(x + j).x;
 }
 
 struct EmbeddingWork {
