@@ -19,7 +19,7 @@ constexpr double kAtRest = 1e-12;      // likewise: what is less after a jump is
 /// is never a matter of rounding.
 constexpr double kLoose = 1.0 + 1e-12, kRoot = 1.0 + 1e-10;
 
-constexpr double kAlike = 1.0 - 1e-9;  // of the largest overload: what is loaded alike gives way together
+constexpr double kAlike = 1e-9;  // relative: what is loaded alike gives way together, and what is pushed along alike is held again together
 
 constexpr std::size_t kRounds = 12;  // looks at each, at most: where some hold or slide against each other they are tried in turn
 
@@ -27,6 +27,16 @@ constexpr std::size_t kRounds = 12;  // looks at each, at most: where some hold 
 double overload(const Holding::Force& f) {
   return f.leaves != 0 ? std::numeric_limits<double>::infinity() : f.force == 0.0 ? 0.0 : std::abs(f.force) / f.most;
 }
+/// Whether one of these comes before the other is a matter of rounding. Dead centres are left one by one: others may stand there because of
+/// the first.
+bool is_loaded_alike(const Holding::Force& a, const Holding::Force& b) {
+  return a.leaves == 0 && b.held && std::abs(overload(a) - overload(b)) <= kAlike * overload(a);
+}
+bool is_pushed_alike(const Holding::Force& a, const Holding::Force& b) {
+  const double by = std::abs(a.acceleration);
+  return std::abs(by - std::abs(b.acceleration)) <= kAlike * by;
+}
+
 /// It begins to move against what was found to hold it.
 int way_of(const Holding::Force& f) { return f.leaves != 0 ? f.leaves : f.force > 0.0 ? -1 : 1; }
 
@@ -154,35 +164,40 @@ void Simulation::settle_holds(std::vector<int>& let_go) {
     const auto is_loose = [&](std::size_t i) { return overload(forces[i]) > kLoose; };
     const auto is_pushed_along = [&](std::size_t i) { return let_go[i] * forces[i].acceleration < 0.0; };
     auto i = static_cast<std::size_t>(std::ranges::max_element(forces, {}, overload) - forces.begin());
-    const bool in_order = !is_loose(i) || pass > 2 * holds.size();  // one by one it comes to an end [Murty 1974]
-    if (in_order)
+    const bool in_order = pass > 2 * holds.size();  // one by one it comes to an end [Murty 1974]
+    if (in_order || !is_loose(i))
       for (i = 0; i < holds.size() && !is_loose(i) && !is_pushed_along(i);) ++i;
     if (i == holds.size()) {
       stop_what_is_held();
       if (!loops_ || !hold_what_is_blocked(let_go)) return;
     } else if (is_loose(i)) {
-      const double most = overload(forces[i]);
       for (std::size_t j = 0; j < holds.size(); ++j) {
-        if (j != i && (in_order || !std::isfinite(most) || overload(forces[j]) < kAlike * most)) continue;
+        if (j != i && (in_order || !is_loaded_alike(forces[i], forces[j]))) continue;
         let_go[j] = way_of(forces[j]);
         break_away(j, let_go[j]);
       }
     } else {
-      hold_again(holds[i]);
-      let_go[i] = 0;
+      for (std::size_t j = 0; j < holds.size(); ++j) {
+        if (j != i && (in_order || !is_pushed_along(j) || !is_pushed_alike(forces[i], forces[j]))) continue;
+        hold_again(holds[j]);
+        let_go[j] = 0;
+      }
     }
   }
 }
 
-/// Where what holds gives way; true if any did.
+/// Where what holds gives way, and with it what is loaded alike; true if any did.
 bool Simulation::hold_events(std::span<const int> crossed) {
   bool any = false;
   for (std::size_t i = 0; holding_ && i < model_->devices.holds.size(); ++i) {
     if (crossed[static_cast<std::size_t>(model_->devices.n_roots) + i] >= 0) continue;
+    any = true;
     holds_.x.resize(x_given_.size());
     pack(holds_.x.data());
-    if (look_at_holds(state_.t, holds_.x.data()) && holding_->forces()[i].held) break_away(i, way_of(holding_->forces()[i]));
-    any = true;
+    if (!look_at_holds(state_.t, holds_.x.data())) continue;
+    const auto& forces = holding_->forces();
+    for (std::size_t j = 0; forces[i].held && j < forces.size(); ++j)
+      if (j == i || is_loaded_alike(forces[i], forces[j])) break_away(j, way_of(forces[j]));
   }
   return any;
 }
