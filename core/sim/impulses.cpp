@@ -13,7 +13,9 @@ namespace cardan {
 namespace {
 
 constexpr double kAsFast = 1.0 - 1e-9;  // of the fastest: it is a matter of rounding which of them comes first
-constexpr int kBounces = 1000;          // in one instant; what then still moves into a stop presses into it
+constexpr double kAlmost =
+    1e-11;  // of a place, at least of 1 [rad, m]: what is so near to its limit where another one is struck strikes as well
+constexpr int kBounces = 1000;  // in one instant; what then still moves into a stop presses into it
 
 Eigen::Vector3d moment_of(const NodeWrench& w) { return to_eigen(w.f.n); }
 Eigen::Vector3d force_of(const NodeWrench& w) { return to_eigen(w.f.f); }
@@ -189,7 +191,15 @@ void Simulation::bounce(std::span<const int> crossed) {
     come_back(limit);
     together.push_back(&limit);
   }
-  if (!together.empty()) blow();
+  const auto almost_there = [&](const Limit& limit) {
+    const double missing = limit.side * (limit.value - state_.q[limit.q]);
+    return missing > 0.0 && missing <= kAlmost * std::max(1.0, std::abs(limit.value)) && inwards(limit) > limit.bounce.speed;
+  };
+  if (!together.empty()) {
+    for (Limit& limit : limits_)
+      if (almost_there(limit) && !model_->has_given_motion(limit.v)) together.push_back(&limit);
+    blow();
+  }
   const auto struck = [&](const Limit& limit) {
     return is_at(limit) && inwards(limit) > limit.bounce.speed && !(limit.side * rate_before(limit) > limit.bounce.speed) &&
            !model_->has_given_motion(limit.v);

@@ -198,6 +198,28 @@ TEST(HardStop, WhatStrikesInOneInstantIsTurnedOverTogether) {
     }
 }
 
+/// Wings that rounding has moved apart (here by 1e-12 rad) come to their stops one after the other, and are turned over together all the
+/// same: the first blow would turn the hub, and the second would not turn it back.
+TEST(HardStop, WhatRoundingKeepsFromTheSameInstantIsTurnedOverTogether) {
+  const double e = 0.5, rate = 0.3;
+  for (const double apart : {1e-12, -1e-12}) {
+    const auto wing = [&](const char* name, double side, double angle) {
+      BodySpec b = on(rigid(name, 10.0, {0, side, 0}, diagonal({3, 0.1, 3})), "hub", "revolute", {{side, 0, 0}}, {0, 0.5 * side, 0});
+      b.hinge.q = {angle}, b.hinge.v = {rate};
+      b.hinge.loads = {hard_stop(-kNever, 0.0, 1e5, e, 0.001)};
+      return b;
+    };
+    const BodySpec hub = on(rigid("hub", 100.0, {0, 0, 0}, diagonal({20, 20, 20})), "", "free");
+    Simulation sim(compiled(system({hub, wing("left", 1.0, -0.03), wing("right", -1.0, -0.03 - apart)})), accurate());
+    sim.run(0.2);
+    const Eigen::VectorXd& v = sim.state().v;
+    EXPECT_TRUE(sim.ledger().pass);
+    EXPECT_LT(v[6], -0.9 * e * rate);
+    EXPECT_NEAR(v[6], v[7], 10.0 * std::abs(apart));
+    EXPECT_NEAR(v.head<3>().norm(), 0.0, 10.0 * std::abs(apart));
+  }
+}
+
 /// A heavy ball that touches a light one at a wall turns back after pi sqrt(m_2 / m_1) blows without loss [Galperin 2003], all at once: it
 /// is told where they are cut off.
 TEST(HardStop, TellsWhereBlowsOfOneInstantAreCutOff) {
