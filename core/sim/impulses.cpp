@@ -13,9 +13,8 @@ namespace cardan {
 namespace {
 
 constexpr double kAsFast = 1.0 - 1e-9;  // of the fastest: it is a matter of rounding which of them comes first
-constexpr double kAlmost =
-    1e-11;  // of a place, at least of 1 [rad, m]: what is so near to its limit where another one is struck strikes as well
-constexpr int kBounces = 1000;  // in one instant; what then still moves into a stop presses into it
+constexpr double kAlmost = 1e-11;       // of a place, at least of 1 [rad, m]: so near to its limit it comes there with what is struck
+constexpr int kBounces = 1000;          // in one instant; what then still moves into a stop presses into it
 
 Eigen::Vector3d moment_of(const NodeWrench& w) { return to_eigen(w.f.n); }
 Eigen::Vector3d force_of(const NodeWrench& w) { return to_eigen(w.f.f); }
