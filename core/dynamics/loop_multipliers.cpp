@@ -11,14 +11,19 @@ constexpr double kRounding = 1e-12;      // of accelerations that cancel
 constexpr double kStill = 1e-12;         // [rad/s]
 constexpr double kContradiction = 1e-6;  // what may be missing in the acceleration of a redundant row, relative to those of the open tree
 
-/// [m/s^2] What rounding may leave of c'' of a row: of the accelerations of its ends, which cancel, and of rates that are none.
+/// [m/s^2] What rounding may leave of c'' of a row: of the accelerations of its ends, or of what it couples, which cancel, and of rates
+/// that are none.
 double rounding_of(const Model& model, const Workspace& ws, const Inputs& in, const Loop& loop, const double* vdot) {
+  const LoopWork& work = *ws.loops;
   double size = kStill * kStill * loop.lever / kRounding;
   for (const LoopEnd* end : {&loop.from, &loop.to}) {
     const BodyMotion<double> body = motion_of_body(model, ws, in, end->sweep, vdot, After::forward);
     const Motion<double> a = body.gamma + body.delta;
     size += std::sqrt(dot(a.v, a.v)) + loop.lever * std::sqrt(dot(a.w, a.w));
   }
+  const std::vector<double>& gradient = work.gradient[static_cast<std::size_t>(&loop - model.loops.all.data())];
+  for (std::size_t i = 0; i < gradient.size(); ++i)
+    size += work.scale[static_cast<std::size_t>(loop.first)] * std::abs(gradient[i] * vdot[loop.coupling.terms[i].v]);
   return kRounding * size;
 }
 

@@ -562,6 +562,32 @@ TEST(Couplings, ARateThatJumpsIsABlow) {
   }
 }
 
+// Three wings that are alike, coupled in a ring: nothing but rounding is for the couplings to take, and what it leaves of the redundant one
+// is no contradiction.
+TEST(Couplings, ARingOfWhatMovesAlikeAnywayIsKeptClosed) {
+  std::vector<BodySpec> bodies = {on(rigid("hub", 100.0, {0, 0, 0}, diagonal({20, 20, 30})), "", "free")};
+  const char* const names[] = {"a", "b", "c"};
+  for (int k = 0; k < 3; ++k) {
+    const double x = std::cos(2.0 * std::numbers::pi * k / 3.0), y = std::sin(2.0 * std::numbers::pi * k / 3.0);
+    BodySpec wing = on(particle(names[k], 10.0, {0.5 * x, 0.5 * y, 0}), "hub", "revolute", {{-y, x, 0}}, {x, y, 0});
+    wing.hinge.q = {-0.2}, wing.hinge.v = {0.3};
+    bodies.push_back(wing);
+  }
+  SystemSpec spec = system(bodies);
+  for (int k = 0; k < 3; ++k) {
+    LoopSpec ring;
+    ring.name = std::string("with_") + names[k], ring.type = "coupling";
+    ring.terms = {{names[k], 1.0, {}}, {names[(k + 1) % 3], -1.0, {}}};
+    spec.loops.push_back(ring);
+  }
+  spec.loop_form = LoopForm::multipliers;
+  Simulation sim(compiled(spec), {});
+  sim.run(1.0);
+  EXPECT_GT(sim.state().q[7], 0.0);
+  EXPECT_NEAR(sim.state().q[7], sim.state().q[8], 1e-12);
+  EXPECT_NEAR(sim.state().q[8], sim.state().q[9], 1e-12);
+}
+
 // A cosine that rounding leaves at its zero is no jump, of a hinge and of a loop; a part in a million of the rate that was is one.
 TEST(Couplings, WhatRoundingLeavesOfARateIsNoJump) {
   const auto warned = [](double rate) {
