@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <cstring>
 
 namespace cardan {
 namespace {
@@ -54,7 +53,7 @@ void DeviceTangents::take_inputs(const Device& d) {
 /// With the rates of its mounts, inputs and states as they are.
 bool DeviceTangents::differentiate(int index) {
   const Device& d = model_.devices.all[index];
-  std::memset(loads_.data() + d.mount, 0, d.mounts.size() * sizeof(cardan_mount_load));
+  std::fill_n(loads_.begin() + d.mount, d.mounts.size(), cardan_mount_load{});
   double* zdot = (d.family->follow ? unused_ : zdot_).data() + d.z;
   std::fill_n(zdot, d.family->n_states, 0.0);
   std::fill_n(out_.begin() + d.out, d.n_out, 0.0);
@@ -281,8 +280,8 @@ void DeviceTangents::add_flows(const soa::Inputs<Tangent>& in) {
 void DeviceTangents::state_matrix(int index, double* J) {
   const Device& d = model_.devices.all[index];
   const auto n = d.family->n_states;
-  std::memset(motions_.data() + d.mount, 0, d.mounts.size() * sizeof(cardan_mount_motion));
-  if (d.family->follow) std::memset(followed_motions_.data() + d.mount, 0, d.mounts.size() * sizeof(cardan_mount_motion));
+  std::fill_n(motions_.begin() + d.mount, d.mounts.size(), cardan_mount_motion{});
+  if (d.family->follow) std::fill_n(followed_motions_.begin() + d.mount, d.mounts.size(), cardan_mount_motion{});
   std::fill_n(in_.begin() + d.in, d.n_in, 0.0);
   for (std::uint32_t j = 0; j < n; ++j) {
     std::fill_n(dz_.begin() + d.z, n, 0.0);

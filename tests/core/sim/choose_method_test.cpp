@@ -102,7 +102,7 @@ TEST(ChooseMethod, TellsOfDevicesWhereStabilitySetsTheSteps) {
   SimulationOptions options;
   options.integrator.method = "dopri5", options.integrator.relative_tolerance = 1e-3;
   Simulation sim(compiled(spec), options);
-  sim.run(20.0);
+  sim.run(60.0);
   const std::string told = render(sim.warnings());
   EXPECT_NE(told.find("stability and not accuracy sets the steps of dopri5"), std::string::npos) << told;
   EXPECT_NE(told.find("; fastest is what devices push with at dish.rate, 126 1/s"), std::string::npos) << told;
