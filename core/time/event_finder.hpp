@@ -78,9 +78,10 @@ class EventFinder {
     slope_before_ = slope_begin_, slopes_known_before_ = slopes_known_;
     parts_.assign(1, t_end);
     const auto beside_near = [&](double t, double dt) { return near_at(t + dt); };
-    for (int looks = 0; !parts_.empty(); parts_.pop_back()) {  // each part as if it were a step
+    looks_ = 0;
+    for (; !parts_.empty(); parts_.pop_back()) {  // each part as if it were a step
       bool at_end = false;
-      for (;; ++looks) {
+      for (;; ++looks_) {
         const double end = parts_.back();
         if (parts_.size() == 1) {
           evaluate(end, state_at(end), g_end_);
@@ -90,7 +91,7 @@ class EventFinder {
           at_end = slopes(end, kWay * (t_ - end), g_end_, slope_end_, beside_near);
         }
         if constexpr (!std::is_same_v<std::remove_cvref_t<RoughAt>, Undivided>)
-          if (looks < kMostLooks && parts_.size() < kDepth && at_end && slopes_known_ && bends(end, rough_at)) {
+          if (looks_ < kMostLooks && parts_.size() < kDepth && at_end && slopes_known_ && bends(end, rough_at)) {
             parts_.push_back(t_ + kInside[0] * (end - t_));
             continue;
           }
@@ -199,6 +200,14 @@ class EventFinder {
     for (std::size_t i = 0; i < n_; ++i) {
       t_cross_[i] = kNever;
       if (g_begin_[i] == 0.0) continue;
+      if (i < first_corner_ && parts_.size() > 1 && sign(g_begin_[i]) != sign(g_end_[i])) {  // by what lies inside of a step alone
+        evaluate(t_end, state_at(t_end), g_);
+        g_end_[i] = g_[i];
+        if (sign(g_begin_[i]) == sign(g_end_[i])) {
+          looks_ += kLooks;
+          continue;
+        }
+      }
       Point beyond{t_end, g_end_[i]};
       if (sign(g_begin_[i]) == sign(g_end_[i]))
         beyond =
@@ -206,10 +215,6 @@ class EventFinder {
       if (beyond.t == kNever) continue;
       t_cross_[i] = i < first_corner_ ? locate(i, beyond, resolution, state_at)
                                       : locate(i, beyond, std::max(resolution, kCorner * (t_end - t_)), near_at);
-      if (i < first_corner_ && t_cross_[i] == t_end && parts_.size() > 1) {  // so far by what lies inside of a step alone
-        evaluate(t_end, state_at(t_end), g_);
-        if (sign(g_[i]) == sign(g_begin_[i])) g_end_[i] = g_[i], t_cross_[i] = kNever;
-      }
       first = std::min(first, t_cross_[i]);
     }
     if (first == kNever) return false;
@@ -306,6 +311,7 @@ class EventFinder {
   std::vector<double> g_begin_, g_end_, g_, g_before_, g_inside_, slope_begin_, slope_end_, slope_before_, t_begin_, t_cross_;
   bool slopes_known_ = false, slopes_known_before_ = false;  // at the beginning
   std::vector<double> parts_;                                // [s] ends of parts of a step, the next one last
+  int looks_ = 0;  // at parts, of kMostLooks; what is inside of a step and was not so counts for kLooks
   std::vector<int> crossed_;
   std::vector<signed char> quiet_, quiet_before_;  // the direction in which one fired that is not to fire again yet
   long evaluations_ = 0;
