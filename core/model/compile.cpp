@@ -64,7 +64,7 @@ class Compiler {
     }
     name_nodes();
     if (!spec_.devices.empty()) {
-      model_->devices = compile_devices(spec_, registry_, *model_, sink_);
+      model_->devices = compile_devices(spec_, registry_, *model_, options_.from_home, sink_);
       sink_.throw_if_any();
     }
     if (!spec_.loops.empty()) {

@@ -20,10 +20,23 @@
 namespace cardan {
 namespace {
 
+constexpr double kFar = 1e4, kFast = 100.0;  // [m], [m/s]
+
+bool is_far(const UserBody& u, std::span<const double> q, std::span<const double> v) {
+  const auto beyond = [](std::span<const double> numbers, const std::vector<std::string>& units, std::string_view unit, double limit) {
+    for (std::size_t i = 0; i < std::min(numbers.size(), units.size()); ++i)
+      if (units[i] == unit && std::abs(numbers[i]) > limit) return true;
+    return false;
+  };
+  return u.parent < 0 && (beyond(q, u.q_units, "m", kFar) || beyond(v, u.v_units, "m/s", kFast));
+}
+
 class DeviceCompiler {
  public:
-  DeviceCompiler(const SystemSpec& spec, const Registry& registry, const Model& model, DiagnosticSink& sink)
-      : spec_(spec), registry_(registry), model_(model), sink_(sink), may_be_far_(may_be_far(spec, model)) {}
+  DeviceCompiler(const SystemSpec& spec, const Registry& registry, const Model& model, bool from_home, DiagnosticSink& sink)
+      : spec_(spec), registry_(registry), model_(model), sink_(sink) {
+    devices_.from_home = from_home || may_be_far(spec, model);
+  }
 
   Devices run() {
     std::vector<int> by_name(spec_.devices.size());
@@ -102,22 +115,15 @@ class DeviceCompiler {
     devices_.n_roots += static_cast<int>(family->n_roots);
     devices_.rough = devices_.rough || (family->facts & CARDAN_FACT_ROUGH) != 0;
     complete_ = complete_ && sink_.all().size() == faults;
-    if (may_be_far_ && reads_between_nodes(*family)) count_from_home(d.mounts);
+    if (devices_.from_home && reads_between_nodes(*family)) count_from_home(d.mounts);
     devices_.all.push_back(std::move(d));
   }
 
   /// From the world's origin, so that places are rounded: in orbit, or where what stands on the world begins there or flies there fast.
   static bool may_be_far(const SystemSpec& spec, const Model& model) {
-    constexpr double kFar = 1e4, kFast = 100.0;  // [m], [m/s]
-    const auto beyond = [](const std::vector<double>& numbers, const std::vector<std::string>& units, std::string_view unit, double limit) {
-      for (std::size_t i = 0; i < std::min(numbers.size(), units.size()); ++i)
-        if (units[i] == unit && std::abs(numbers[i]) > limit) return true;
-      return false;
-    };
     return model.field.pulls() || std::ranges::any_of(model.user, [&](const UserBody& u) {
-             if (u.parent >= 0) return false;
              const HingeSpec& h = spec.bodies[static_cast<std::size_t>(&u - model.user.data())].hinge;
-             return h.onode_position.norm() > kFar || beyond(h.q, u.q_units, "m", kFar) || beyond(h.v, u.v_units, "m/s", kFast);
+             return is_far(u, h.q, h.v) || (u.parent < 0 && h.onode_position.norm() > kFar);
            });
   }
 
@@ -560,7 +566,6 @@ class DeviceCompiler {
   const Registry& registry_;
   const Model& model_;
   DiagnosticSink& sink_;
-  bool may_be_far_;
   /// What says of an input whether it holds, where no key of the vehicle file does: by device and input.
   struct Heard {
     std::set<int> outs;
@@ -576,8 +581,14 @@ class DeviceCompiler {
 
 }  // namespace
 
-Devices compile_devices(const SystemSpec& spec, const Registry& registry, const Model& model, DiagnosticSink& sink) {
-  return DeviceCompiler(spec, registry, model, sink).run();
+Devices compile_devices(const SystemSpec& spec, const Registry& registry, const Model& model, bool from_home, DiagnosticSink& sink) {
+  return DeviceCompiler(spec, registry, model, from_home, sink).run();
+}
+
+bool is_far(const Model& model, const double* q, const double* v) {
+  return std::ranges::any_of(model.user, [&](const UserBody& u) {
+    return u.parent < 0 && is_far(u, {q + u.q, static_cast<std::size_t>(u.nq)}, {v + u.v, static_cast<std::size_t>(u.nv)});
+  });
 }
 
 Warnings unheeded_validity(const Model& m) {

@@ -176,6 +176,7 @@ struct Devices {
   std::vector<int> first;            // evaluated once before: their outputs are taken earlier, and need no input themselves
   bool reads_nodes = false;          // some mount reads the motion of a node
   bool rough = false;                // CARDAN_FACT_ROUGH of any
+  bool from_home = false;            // what acts between nodes is counted from the home of its mounts
   std::vector<DeviceMass> masses;    // in the order of devices
   std::vector<VaryingBody> varying;  // the bodies that carry them
   std::vector<MassFlow> flows;
@@ -299,6 +300,7 @@ struct CompileOptions {
   bool choose_frames = true;    // re-choose the frames of rigid bodies for the axis kernels (results stay in the user's)
   bool node_wrenches = true;    // the program takes wrenches on nodes
   bool world_wrenches = false;  // ... also such that are given in world axes
+  bool from_home = false;       // Devices::from_home, also where the description tells of nothing that is far
 };
 
 /// All user errors of a description end here: throws InputError with everything that was found. Where masses grow by large ratios

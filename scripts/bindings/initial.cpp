@@ -3,6 +3,7 @@
 
 #include <algorithm>
 
+#include "core/model/devices.hpp"
 #include "core/model/doubts.hpp"
 #include "core/model/initial.hpp"
 #include "scripts/bindings/bind.hpp"
@@ -132,6 +133,10 @@ int initial(lua_State* L, Scenario& s) {
     std::vector<Diagnostic> all = sink.all();
     for (Diagnostic& d : all) d.stack = LuaHost::traceback(L);
     throw InputError(std::move(all));
+  }
+  if (const Devices& d = s.model->devices; !d.all.empty() && !d.from_home && is_far(*s.model, state.q.data(), state.v.data())) {
+    s.begins_far = true;
+    s.use_model(compile(s.described(), s.registry, s.compile_options()));
   }
   if (loops) close_start(L, s, by_mission, state);
   s.sim->set_state(state);

@@ -63,6 +63,7 @@ CompileOptions Scenario::compile_options() const {
   CompileOptions options;
   options.node_wrenches = !loads.empty();
   options.world_wrenches = std::ranges::any_of(loads, [](const Load& l) { return l.world_axes; });
+  options.from_home = begins_far;
   return options;
 }
 

@@ -179,6 +179,7 @@ struct Scenario {
   std::shared_ptr<const SystemSpec> described() const;
   /// InputError where loops are still open.
   void expect_closed() const;
+  bool begins_far = false;  // by initial{}
   /// A scene without loads has no op for them.
   CompileOptions compile_options() const;
   void look_at_state();

@@ -655,6 +655,30 @@ TEST_F(Physics, StepsThatRoundingSetsAreTold) {
   EXPECT_FALSE(has(told("chaser", "1", "0"), "W0404"));
 }
 
+/// What acts between vehicles on one tree is counted from the one that carries the other, also where only initial{} says that they are far
+/// from the world's origin, and nothing pulls there: same steps as beside the origin.
+TEST_F(Physics, WhatInitialPutsFarAwayKeepsItsDigits) {
+  const auto steps = [&](const std::string& start) {
+    write(
+        "cardan: 1\nbodies:\n  chaser: {mass: 500, inertia: [200, 220, 180], nodes: {hook: {position: [0.7, 0.1, -0.2]}}, "
+        "hinge: {type: free, to: world}}\n  target: {mass: 800, inertia: [400, 420, 380], nodes: {eye: {position: [-0.3, 0.2, 0.1]}}, "
+        "hinge: {type: free, to: chaser, initial: {position: [1.5, 0, 0]}}}\ndevices:\n  link: {type: spring_damper, from: chaser.hook, "
+        "to: target.eye, stiffness: 1e7, rest: 0.6}\n",
+        "vehicle \"v.yaml\"\nmission { duration = 0.2, integrator = { method = \"dop853\", relative = 1e-12 } }\n"
+        "initial { chaser = { rate = { 0.1, -0.2, 0.3 }, " +
+            start + " } }\n");
+    const Finished f = run({"run", ".", "--out", "o"});
+    EXPECT_EQ(f.exit_code, 0) << f.err;
+    EXPECT_FALSE(has(f.err, "W0404")) << f.err;
+    const std::size_t told = f.out.find(" steps, ");
+    EXPECT_NE(told, std::string::npos) << f.out;
+    return std::atof(f.out.c_str() + f.out.rfind('\n', told) + 1);
+  };
+  const double beside = steps("velocity = { 0, 0, 0 }");
+  EXPECT_NEAR(steps("position = { 7e6, -2e6, 1e6 }"), beside, 0.05 * beside);
+  EXPECT_NEAR(steps("position = { 7e6, -2e6, 1e6 }, velocity = { 1000, 7000, -2000 }"), beside, 0.05 * beside);
+}
+
 // The same slide: the iteration of a variational step is given 60 attempts, which suffice up to 1.5 of step times frequency.
 TEST_F(Physics, AVariationalStepThatIsTooLongToBeSolvedIsToldBeforeTheRun) {
   const auto told_and_exit = [&](const char* method, const char* step) {
