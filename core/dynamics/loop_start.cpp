@@ -19,20 +19,23 @@ constexpr double kStart = 1e-6;  // residual of a start: typed numbers have a fi
 
 constexpr double kNoLever = 1e-12;  // of the way from home, or of what moves all mass: what rounding leaves of a distance that is none
 
-/// [m] largest distance of an end from a hinge on the way to it; where it stands on all of them, that from its home.
-double lever_of(const Model& model, const Workspace& ws, const Loop& loop, std::size_t l, const double* q) {
-  double longest = 0.0, way = 0.0;
+struct Reach {
+  double arm = 0.0;   // [m] largest distance of an end from a hinge on the way to it; 0 where it is rounding
+  double home = 0.0;  // [m] largest distance of these hinges from home
+};
+Reach reach_of(const Model& model, const Workspace& ws, const Loop& loop, std::size_t l, const double* q) {
+  Reach reach;
   for (const auto& [path, end] : {std::pair(&loop.from_path, &ws.loops->from[l]), std::pair(&loop.to_path, &ws.loops->to[l])}) {
     Pose<double> X;
     for (const int k : *path) {
       X = X * soa::pose_in_inboard(model, ws, k, q);
       const Vec3<double> arm = end->x - X.p;
-      longest = std::max(longest, std::sqrt(dot(arm, arm)));
-      way = std::max(way, std::sqrt(dot(X.p, X.p)));
+      reach.arm = std::max(reach.arm, std::sqrt(dot(arm, arm)));
+      reach.home = std::max(reach.home, std::sqrt(dot(X.p, X.p)));
     }
   }
-  if (longest > kNoLever * way) return longest;
-  return way > 0.0 ? way : 1.0;
+  if (!(reach.arm > kNoLever * reach.home)) reach.arm = 0.0;
+  return reach;
 }
 
 const char* unit_of_row(const Loop& loop, const Force<double>& W) {
@@ -46,23 +49,27 @@ struct OpenRows {
 };
 OpenRows open_rows(const Model& model, const LoopPass& pass, const LoopWork& work, const Eigen::VectorXd& v) {
   OpenRows out;
+  const std::vector<std::uint8_t> turns = turning(model);
   for (const Loop& loop : model.loops.all) {
     std::string places, rates;
-    double pace = 1.0;
-    for (const int i : loop.rates) pace = std::max(pace, std::abs(v[i]));
+    double turn = 1.0, shift = 0.0;  // [rad/s], [m/s] of its rates
+    for (const int i : loop.rates) {
+      double& most = turns[static_cast<std::size_t>(i)] ? turn : shift;
+      most = std::max(most, std::abs(v[i]));
+    }
     for (int i = loop.first; i < loop.first + loop.rows; ++i) {
       const auto at = static_cast<std::size_t>(i);
       const Force<double>& W = work.W[at];
-      const double size = loop.closing != Closing::coupling && dot(W.n, W.n) > dot(W.f, W.f) ? 1.0 : loop.lever;
-      const double speed = loop.closing == Closing::coupling ? pass.size_of(loop) : size;
+      const bool couples = loop.closing == Closing::coupling, angle = !couples && dot(W.n, W.n) > dot(W.f, W.f);
+      const double size = angle ? 1.0 : loop.lever;
+      const double pace = couples ? pass.size_of(loop) * std::max(turn, shift) : angle ? turn : std::max(turn * size, shift);
       const std::string name = name_of_row(loop, i, W);
       const auto add = [&](std::string& text, double value, const char* per) {
         text += fmt::format("{}{} {:.3g}{}{}", text.empty() ? "" : "; ", name, value, unit_of_row(loop, W), per);
       };
       if (!(std::abs(work.c[at]) <= kStart * size)) add(places, work.c[at], "");
       const bool given = loop.drive >= 0;  // its rate is told by the mission
-      if (!given && !(std::abs(work.rate[at]) <= kStart * pace * speed))
-        add(rates, work.rate[at], loop.closing == Closing::coupling ? " 1/s" : "/s");
+      if (!given && !(std::abs(work.rate[at]) <= kStart * pace)) add(rates, work.rate[at], couples ? " 1/s" : "/s");
     }
     out.any_place = out.any_place || !places.empty(), out.any_rate = out.any_rate || !rates.empty();
     out.places.push_back(std::move(places)), out.rates.push_back(std::move(rates));
@@ -239,9 +246,21 @@ void prepare_loops(Model& model) {
         for (std::size_t i = 0; i < gradient.size(); ++i) refer(loop.coupling.terms[i].v, flat ? 1.0 : std::abs(gradient[i]));
         continue;
       }
-      loop.lever = lever_of(model, ws, loop, l, start.q.data());
+      const Reach reach = reach_of(model, ws, loop, l, start.q.data());
+      double shifts = 0.0, turns_by = 0.0;  // the largest scales of rates of a kind
       for (const int v : loop.rates)
-        if (!is_mode[static_cast<std::size_t>(v)]) refer(v, turns[static_cast<std::size_t>(v)] ? loop.lever : 1.0);
+        if (const auto at = static_cast<std::size_t>(v); !is_mode[at])
+          (turns[at] ? turns_by : shifts) = std::max(turns[at] ? turns_by : shifts, loops.column_scale[at]);
+      // What stands on all of its hinges has the length it keeps, or the radius of gyration of what it moves. How far it is from home, 7000
+      // km in orbit, says nothing of it, and is left to what only slides or only turns.
+      loop.lever = reach.arm > 0.0                  ? reach.arm
+                   : loop.length > 0.0              ? loop.length
+                   : shifts > 0.0 && turns_by > 0.0 ? shifts / turns_by
+                   : reach.home > 0.0               ? reach.home
+                                                    : 1.0;
+      const bool of_places = loop.closing == Closing::point || loop.closing == Closing::distance;  // turns move its ends by its arms alone
+      for (const int v : loop.rates)
+        if (const auto at = static_cast<std::size_t>(v); !is_mode[at]) refer(v, !turns[at] ? 1.0 : of_places ? reach.arm : loop.lever);
       if (loop.hinge) loop.q0 = ws.loops->q[l];
     }
     pass.place();  // with the levers

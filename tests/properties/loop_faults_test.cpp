@@ -1,6 +1,7 @@
 // Closed loops: what does not honour them says so, what is open or contradicts is told, and so are singular postures.
 #include "core/dynamics/loops.hpp"
 
+#include <algorithm>
 #include <numbers>
 
 #include "core/dynamics/batch.hpp"
@@ -73,6 +74,37 @@ TEST(Loops, AnOpenStartIsToldRowByRow) {
             "  got:      pivot: row 2, along y 0.25 m/s\n"
             "  hint:     give `initial` of the hinges rates that move both ends alike, or none: they are found then\n\n"
             "1 error. Nothing was run.\n");
+}
+
+// Both ends stand on the hinges of their bodies, 7000 km from home: that way is no size of the loop, by which it would be closed within
+// metres and each row lie near nothing.
+TEST(Loops, InOrbitAreMeasuredByThemselves) {
+  const auto two = [](const char* type, double length, double more, double rate) {
+    const auto flying = [](BodySpec b, const char* hinge, double away, double speed) {
+      b = on(b, "", hinge);
+      if (std::string(hinge) == "free") b.hinge.q = {1, 0, 0, 0, away, 0, 0}, b.hinge.v = {0, 0, 0, speed, 7600, 0};
+      if (std::string(hinge) == "translational") b.hinge.q = {away, 0, 0}, b.hinge.v = {speed, 7600, 0};
+      return b;
+    };
+    const bool is_point = length > 0.0;
+    SystemSpec spec = system({flying(rigid("bus", 400.0, {0, 0, 0}, diagonal({50, 60, 70})), "free", 7e6, 0.0),
+                              flying(is_point ? particle("other", 100.0, {0, 0, 0}) : rigid("other", 100.0, {0, 0, 0}, diagonal({5, 6, 7})),
+                                     is_point ? "translational" : "free", 7e6 + length + more, rate)});
+    LoopSpec tether;
+    tether.name = "tether", tether.type = type, tether.length = length, tether.from.body = "bus", tether.to.body = "other";
+    spec.loops = {tether};
+    return spec;
+  };
+  for (const auto& [type, length] :
+       {std::pair("distance", 50.0), std::pair("distance", 5000.0), std::pair("point", 0.0), std::pair("weld", 0.0)}) {
+    SCOPED_TRACE(std::string(type) + " " + std::to_string(length));
+    EXPECT_NE(told([&] { compiled(two(type, length, 0.1, 0.0)); }).find("0.1 m\n"), std::string::npos);
+    EXPECT_NE(told([&] { compiled(two(type, length, 0.0, 0.1)); }).find("0.1 m/s\n"), std::string::npos);
+    Simulation closed(compiled(two(type, length, 0.0, 0.0)), {});
+    closed.run(1.0);
+    EXPECT_TRUE(std::ranges::none_of(closed.warnings().all(), [](const auto& w) { return w.what.code == Code::near_singular; }))
+        << render(closed.warnings());
+  }
 }
 
 // A parallelogram loses a row where its links are in line: there pivots and singular values go to zero with the angle.
