@@ -222,13 +222,16 @@ class EventFinder {
     double t_event = first;  // crossings closer than the window are one event, at the last of them
     for (const double t : t_cross_)
       if (t <= first + window) t_event = std::max(t_event, t);
+    evaluate(t_event, state_at(t_event), g_);
     for (std::size_t i = 0; i < n_; ++i) {
-      crossed_[i] = t_cross_[i] <= t_event ? -sign(g_begin_[i]) : 0;
+      // This state tells which have passed: the next step begins at it, whatever rounding let be located a little before or later.
+      const int side = sign(g_begin_[i]);
+      crossed_[i] = (i < first_corner_ ? sign(g_[i]) != side : t_cross_[i] <= t_event) ? -side : 0;
       quiet_[i] = static_cast<signed char>(crossed_[i]);
     }
+    std::swap(g_begin_, g_);
     quiet_until_ = t_event + window;
     t_ = t_event;
-    evaluate(t_event, state_at(t_event), g_begin_);
     return true;
   }
 

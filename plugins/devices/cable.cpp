@@ -71,7 +71,9 @@ struct Cable {
     const Pull<double> at = pull(p, in);
     g[0] = std::fmin(at.elastic, at.sum), g[1] = at.elastic;
     const auto told = static_cast<Regime>(in.d[0]);
-    if (told != kUntold) g[0] += (told == kTaut ? kHeld : -kHeld) * p.stiffness * p.length;
+    const auto far = [&](int end) { return std::sqrt(dot(in.at[end].position, in.at[end].position)); };
+    const double held = p.stiffness * (kHeld * p.length + kOnePoint * (far(0) + far(1)));
+    if (told != kUntold) g[0] += told == kTaut ? held : -held;
     if (g[0] == 0.0 && regime(in.d, at) != kTaut) g[0] = -std::numeric_limits<double>::min();
   }
   static void event(const Packed& p, const DeviceIn<double>& in, std::uint32_t root, int direction, double*, double* d) noexcept {

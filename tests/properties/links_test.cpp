@@ -294,6 +294,29 @@ TEST(Cable, PullsFromItsLengthOn) {
   }
 }
 
+/// Two satellites on a cable that are 7000 km from the origin of the world: their distance is known to a nanometre, within which it is seen
+/// to pass its length several times. Each time that they have come to its end it holds them.
+TEST(Cable, HoldsFarFromHome) {
+  const double far = 7e6, length = 10.0;
+  BodySpec a = flying("a", 400.0, {50, 60, 70}), b = flying("b", 100.0, {5, 6, 7});
+  a.hinge.q = {1, 0, 0, 0, far, 0, 0}, a.hinge.v = {0, 0, 0, 0, 7500, 0};
+  NodeSpec hook;
+  hook.name = "hook", hook.position = {0.2, 0.3, 0};
+  b.nodes = {hook};
+  for (const double more : {0.0, 0.01, 0.02, 0.03, 0.04}) {
+    b.hinge.q = {1, 0, 0, 0, far + 9.9 + more, 0.1, 0}, b.hinge.v = {0, 0, 0, 0.1, 7500, 0};
+    SystemSpec spec = system({a, b}, central_gravity(3.986004418e14, false));
+    spec.devices = {device("line", "cable", {{"stiffness", 1e6}, {"length", length}}, {{"from", "a"}, {"to", "b.hook"}})};
+    SimulationOptions options;
+    options.integrator.method = "dop853";
+    Simulation sim(compiled(spec), options);
+    for (double t = 0.1; t < 20.0; t += 0.1) {
+      sim.run(t);
+      ASSERT_LT(sim.device_output(0), 1.05 * length) << more << " at " << t;
+    }
+  }
+}
+
 /// A blow that sends its ends towards each other faster than its spring draws leaves nothing that pulls, and one that sends them apart
 /// again makes it pull at once.
 TEST(Cable, FollowsBlows) {

@@ -1,3 +1,4 @@
+#include <array>
 #include <limits>
 #include <numbers>
 
@@ -500,6 +501,26 @@ TEST(EventFinder, InADividedStepTheStateHasPassed) {
       [&](double at, double dt) { return fall(at + dt, 0.0); }, [&](double) { return x = 1.0, &x; }));
   EXPECT_NEAR(t, 0.4101, 1e-12);
   EXPECT_LE(*fall(t, 0.0), 0.0);
+}
+
+/// Functions of one surface, each rounded by itself, as those of places far from the origin are. Whatever is on the other side at the state
+/// of an event has passed, and nothing else, where their own crossings are a little before or later: nobody would ever tell of it.
+TEST(EventFinder, TheStateOfAnEventTellsWhatHasPassed) {
+  for (int phase = 0; phase < 100; ++phase) {
+    OdeProblem p;
+    p.n_roots = 3;
+    p.roots = [&](double t, const double*, double* g) {
+      for (int i = 0; i < 3; ++i) g[i] = t - 0.5 + 1e-11 * std::sin((i + 1) * 1e15 * t + phase);
+    };
+    const double x = 0.0;
+    std::array<double, 3> g{};
+    EventFinder finder(p);
+    finder.restart(0.0, &x);
+    double t = 1.0;
+    ASSERT_TRUE(finder.find(t, [&](double) { return &x; }));
+    p.roots(t, &x, g.data());
+    for (std::size_t i = 0; i < 3; ++i) EXPECT_EQ(finder.crossed()[i], g[i] >= 0.0 ? 1 : 0) << phase;
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(, EveryMethodEvents,
