@@ -32,6 +32,25 @@ double size_of_motion(std::size_t number, double x) {
   const bool is_pose_or_rate = number < offsetof(cardan_mount_motion, alpha) / sizeof(double);
   return std::max(kBeside, is_pose_or_rate ? kFar * std::abs(x) : std::abs(x));
 }
+constexpr std::size_t kVelocity = offsetof(cardan_mount_motion, velocity) / sizeof(double);
+bool is_velocity(std::size_t number) { return number >= kVelocity && number < kVelocity + 3; }
+
+/// Of a velocity, over its size, as world axes have it: 7500 m/s turn in the axes of a node that turns, and of what is told of both nothing
+/// changes but the product of the two ways, which is kept a hundredth of what a law bends over.
+double rate_of_velocity(const cardan_mount_motion& at, const cardan_mount_motion& along) {
+  double rate = 0.0, turn = 0.0, turned = 0.0;
+  for (int i = 0; i < 3; ++i) {
+    double of_axes = 0.0, own = 0.0;
+    for (int j = 0; j < 3; ++j) {
+      const int k = 3 * i + j;
+      of_axes += along.R_WN[k] * at.velocity[j], own += at.R_WN[k] * along.velocity[j];
+      turn = std::max(turn, std::abs(along.R_WN[k]));
+    }
+    rate = std::max(rate, std::abs(of_axes + own) / size_of_motion(kVelocity, at.velocity[i]));
+    turned = std::max(turned, std::abs(of_axes));
+  }
+  return std::max(rate, 0.1 * std::sqrt(turn * turned / kBeside));
+}
 
 }  // namespace
 
@@ -95,8 +114,9 @@ void DeviceTangents::differences(const Device& d, const cardan_device_args& at, 
     const double size = i < n_mounts * kMotion          ? size_of_motion(i % kMotion, x[i])
                         : i < n_mounts * kMotion + n_in ? std::max(1.0, std::abs(x[i]))
                                                         : model_.devices.nominal[d.z + (i - n_mounts * kMotion - n_in)];
-    rate = std::max(rate, std::abs(dx[i]) / size);
+    if (i >= n_mounts * kMotion || !is_velocity(i % kMotion)) rate = std::max(rate, std::abs(dx[i]) / size);
   }
+  for (std::size_t i = 0; i < n_mounts; ++i) rate = std::max(rate, rate_of_velocity(at.mount[i], along.mount[i]));
   std::fill_n(out, n, 0.0);
   if (rate == 0.0) return;
   const auto there = [&](double s, double* to) {
