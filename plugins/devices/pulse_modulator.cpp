@@ -50,8 +50,8 @@ struct PulseModulator {
     double &open = d[0], &until = d[1], &earliest = d[2], &owed = d[3];
     const double wanted = std::clamp(in.in[0], 0.0, 1.0) * period + owed;
     const double least = open != 0.0 ? std::max(0.0, earliest - in.t) : p.minimum;
-    double given = wanted;
-    if (wanted < least) given = open != 0.0 || (p.when_short == kRaise && wanted > 0.0) ? least : 0.0;
+    double given = wanted;  // what is commanded for all of the period goes on, and is not short
+    if (wanted < std::min(least, period)) given = open != 0.0 || (p.when_short == kRaise && wanted > 0.0) ? least : 0.0;
     owed = p.when_short == kCarry ? wanted - std::min(given, period) : 0.0;
     if (open == 0.0) earliest = in.t + p.minimum;
     open = given > 0.0 ? 1.0 : 0.0;

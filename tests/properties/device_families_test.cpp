@@ -88,21 +88,31 @@ TEST(PulseModulator, GivesTheTimesThatAreCommanded) {
     }
 }
 
-/// A shortest pulse that is longer than a period is given over several.
+/// A shortest pulse that is longer than a period is given over several, and what is commanded all the time is not short.
 TEST(PulseModulator, GoesOnForItsShortestPulse) {
   SystemSpec spec = system({free_bus(100.0)});
   spec.devices = {
       with_vector(device("jet", "thruster", {{"thrust", 1.0}, {"specific_impulse", 220.0}}, {{"at", "bus"}}), "direction", {0, 0, 1}),
       device("valve", "pulse_modulator", {{"minimum", 0.25}}, {})};
   spec.devices[0].inputs["command"] = {"valve.open", {}};
-  spec.devices[1].params["short"].value = std::string("raise");
   spec.devices[1].rate = 10.0;
-  Simulation sim(compiled(spec), accurate());
-  const int command = sim.model().devices.all[1].in;
-  sim.set_device_input(command, 0.1);
-  sim.every({1, 10}, [&] { sim.set_device_input(command, sim.time() < 0.05 ? 0.1 : 0.0); });
-  sim.run(1.0);
-  EXPECT_NEAR(sim.state().v[5], 0.25 / 100.0, 1e-12);
+  struct Case {
+    const char* when_short;
+    double part, until, open;
+  };
+  for (const auto& [when_short, part, until, open] : {Case{"raise", 0.1, 0.05, 0.25},
+                                                      {"skip", 1.0, 0.05, 0.25},
+                                                      {"skip", 1.0, 0.45, 0.5},
+                                                      {"skip", 0.9, 0.45, 0.0},
+                                                      {"carry", 1.0, 0.45, 0.5}}) {
+    spec.devices[1].params["short"].value = std::string(when_short);
+    Simulation sim(compiled(spec), accurate());
+    const int command = sim.model().devices.all[1].in;
+    sim.set_device_input(command, part);
+    sim.every({1, 10}, [&] { sim.set_device_input(command, sim.time() < until ? part : 0.0); });
+    sim.run(1.0);
+    EXPECT_NEAR(sim.state().v[5], open / 100.0, 1e-12) << when_short << " " << part << " until " << until;
+  }
 }
 
 /// The field of a dipole along z: -D/r^3 z at the equator, 2 D/r^3 z at the pole; and m x B is never along B.
