@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
 
 #include "core/base/units.hpp"
@@ -247,17 +248,17 @@ void prepare_loops(Model& model) {
         continue;
       }
       const Reach reach = reach_of(model, ws, loop, l, start.q.data());
-      double shifts = 0.0, turns_by = 0.0;  // the largest scales of rates of a kind
+      constexpr double kNone = std::numeric_limits<double>::infinity();
+      double mass_scale = kNone, inertia_scale = kNone;  // of the heaviest that slides, and of the largest inertia that turns
       for (const int v : loop.rates)
-        if (const auto at = static_cast<std::size_t>(v); !is_mode[at])
-          (turns[at] ? turns_by : shifts) = std::max(turns[at] ? turns_by : shifts, loops.column_scale[at]);
-      // What stands on all of its hinges has the length it keeps, or the radius of gyration of what it moves. How far it is from home, 7000
-      // km in orbit, says nothing of it, and is left to what only slides or only turns.
-      loop.lever = reach.arm > 0.0                  ? reach.arm
-                   : loop.length > 0.0              ? loop.length
-                   : shifts > 0.0 && turns_by > 0.0 ? shifts / turns_by
-                   : reach.home > 0.0               ? reach.home
-                                                    : 1.0;
+        if (const auto at = static_cast<std::size_t>(v); !is_mode[at]) {
+          double& scale = turns[at] ? inertia_scale : mass_scale;
+          scale = std::min(scale, loops.column_scale[at]);
+        }
+      // What stands on all of its hinges has the length it keeps, or that of the way from home: in orbit, 7000 km, that says nothing of
+      // what flies, which is at most as large as its radius of gyration.
+      const double most = mass_scale < kNone && inertia_scale < kNone ? mass_scale / inertia_scale : kNone;
+      loop.lever = reach.arm > 0.0 ? reach.arm : loop.length > 0.0 ? loop.length : reach.home > 0.0 ? std::min(reach.home, most) : 1.0;
       const bool of_places = loop.closing == Closing::point || loop.closing == Closing::distance;  // turns move its ends by its arms alone
       for (const int v : loop.rates)
         if (const auto at = static_cast<std::size_t>(v); !is_mode[at]) refer(v, !turns[at] ? 1.0 : of_places ? reach.arm : loop.lever);
