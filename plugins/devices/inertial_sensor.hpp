@@ -1,7 +1,7 @@
 #pragma once
 // What three gyros and three accelerometers have in common: axes that are turned from the node's and not quite at right angles, errors of
 // scale factors, turn-on biases, biases that wander (Gauss-Markov of the first order), white noise, steps of the converter, a range.
-// Densities are of one-sided spectra per root of a rate, so that another rate of sampling has the same spectrum [IEEE Std 952-1997].
+// Densities are roots of two-sided spectra, N of N^2 / tau by Allan, so that another rate of sampling has the same [IEEE Std 952-1997].
 #include <array>
 #include <string>
 
