@@ -335,6 +335,7 @@ class Simulation {
   void stop_rounding();
   void start_holds();
   void hold_again(const DeviceHold& h);
+  void hold_what_rests_beside(std::span<const int> crossed);
   bool hold_what_is_blocked(const std::vector<int>& let_go);
   void settle_holds();
   void settle_holds(std::vector<int>& let_go);  // 1, -1: the way that a hold was let go

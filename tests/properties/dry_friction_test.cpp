@@ -199,6 +199,54 @@ TEST(DryFriction, WhatARisingLoadTakesToTheLimitAlikeGivesWayTogether) {
   }
 }
 
+/// Two wings that come to rest together stay, under springs that more than slide them back and less than break them away: which of them
+/// comes first is rounding, and the other one, held back by a hub that the first one held had stopped, was thrown back.
+TEST(DryFriction, WhatComesToRestAlikeStaysTogether) {
+  const auto wing = [](const char* name, double side, double rate) {
+    BodySpec b = on(rigid(name, 4.0, {0.5 * side, 0, 0}, diagonal({0.1, 0.3, 0.3})), "hub", "revolute", {{0, 0, 1}}, {0.4 * side, 0, 0});
+    b.hinge.v = {rate};
+    SpringDamper spring;
+    spring.stiffness = 0.4, spring.rest = -1.3;
+    b.hinge.springs = {spring};
+    return b;
+  };
+  for (const std::string method : {"dopri5", "dop853", "cvode_bdf"})
+    for (const double ahead : {0.0, 1e-14, 1e-12, -1e-11, 1e-11}) {
+      SystemSpec spec = system(
+          {on(rigid("hub", 4.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "free"), wing("left", -1.0, 0.7), wing("right", 1.0, 0.7 + ahead)});
+      for (const char* at : {"left", "right"})
+        spec.devices.push_back(device(std::string("drag_") + at, "dry_friction", {{"coulomb", 0.3}, {"breakaway", 0.65}}, {{"at", at}}));
+      Simulation sim(compiled(spec), accurate(method));
+      sim.run(3.0);
+      EXPECT_GT(sim.state().q[7], 0.05) << method << " " << ahead;
+      EXPECT_NEAR(sim.state().q[8], sim.state().q[7], 1e-9) << method << " " << ahead;
+      EXPECT_EQ(sim.state().marks[0] * sim.state().marks[2], 1.0) << method << " " << ahead;
+    }
+}
+
+/// Two sliders side by side on a carriage are let go by what pushes them, then the carriage by what pushes it, which is faster than they:
+/// it takes both along, which needs 2.5 N at each. One held by itself would need more than its breakaway of 3 N.
+TEST(DryFriction, WhatIsPushedAlongAlikeIsHeldAgainTogether) {
+  const double push = 27.0, force = 4.0, coulomb = 1.0;
+  const auto slider = [](const char* name, double side) {
+    return on(particle(name, 1.0, {0, 0, 0}), "carriage", "prismatic", {{1, 0, 0}}, {0, 0.5 * side, 0});
+  };
+  SystemSpec spec = system({on(particle("sledge", 1.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}}),
+                            on(rigid("carriage", 1.0, {0, 0, 0}, diagonal({10, 10, 10})), "sledge", "revolute", {{0, 0, 1}}),
+                            slider("left", 1.0), slider("right", -1.0)});
+  spec.devices = {device("ground", "dry_friction", {{"coulomb", coulomb}, {"breakaway", 20.6}}, {{"at", "sledge"}})};
+  for (const char* at : {"left", "right"})
+    spec.devices.push_back(device(std::string("drag_") + at, "dry_friction", {{"coulomb", coulomb}, {"breakaway", 3.0}}, {{"at", at}}));
+  Simulation sim(compiled(spec), accurate());
+  sim.run(0.1);
+  sim.set_force(0, push), sim.set_force(2, force), sim.set_force(3, force);
+  sim.run(1.1);
+  EXPECT_NEAR(sim.state().q[0], 0.5 * (push - coulomb) / 4.0, 1e-9);
+  EXPECT_EQ(sim.state().q[2], 0.0);
+  EXPECT_EQ(sim.state().q[3], 0.0);
+  EXPECT_NEAR(sim.state().q[1], 0.0, 1e-12);
+}
+
 /// A brake of 12 N whose sliding friction is 10 N, under a weight of 20 N of which the first tick takes 9 N: it holds, as it would from
 /// before.
 TEST(DryFriction, HoldsWithWhatTheFirstTickCommands) {
