@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "core/dynamics/hinge_laws.hpp"
+#include "core/sim/alike.hpp"
 #include "core/sim/simulation.hpp"
 
 namespace cardan {
@@ -20,8 +21,6 @@ constexpr double kAtRest = 1e-12;      // likewise: what is less after a jump is
 constexpr double kLoose = 1.0 + 1e-12, kRoot = 1.0 + 1e-10;
 
 constexpr double kAlike = 1e-9;  // relative: what is loaded alike gives way together, and what is pushed along alike is held again together
-
-constexpr double kSlowedAlike = 1e-6;  // relative: at rest within the error of the steps what is alike is slowed down so much alike
 
 constexpr std::size_t kRounds = 12;  // looks at each, at most: where some hold or slide against each other they are tried in turn
 
@@ -38,9 +37,6 @@ bool is_pushed_alike(const Holding::Force& a, const Holding::Force& b) {
   const double by = std::abs(a.acceleration);
   return std::abs(by - std::abs(b.acceleration)) <= kAlike * by;
 }
-
-/// Of what is alike the steps leave rates that are apart by their error, at most.
-double still_moves(const IntegratorOptions& o) { return std::max(kStillMoves, o.relative_tolerance); }
 
 /// It begins to move against what was found to hold it.
 int way_of(const Holding::Force& f) { return f.leaves != 0 ? f.leaves : f.force > 0.0 ? -1 : 1; }
@@ -89,7 +85,7 @@ void Simulation::stop_what_is_held() {
   const auto moves = [this](const DeviceHold& h) { return model_->prescribed[static_cast<std::size_t>(h.v)] != 0 && state_.v[h.v] != 0.0; };
   const auto& holds = model_->devices.holds;
   if (std::ranges::none_of(holds, moves)) return;
-  const double still = still_moves(options_.integrator) * scale_of_rates();
+  const double still = std::max(kStillMoves, apart(options_.integrator)) * scale_of_rates();
   const bool rounding = std::ranges::none_of(holds, [&](const DeviceHold& h) { return moves(h) && std::abs(state_.v[h.v]) > still; });
   const Sums before = sums();
   for (const DeviceHold& h : holds)
@@ -110,20 +106,16 @@ void Simulation::hold_again(const DeviceHold& h) {
 /// What slows down alike beside what comes to rest, and has hardly a rate left, begins to hold with it, as if it had none: which of them
 /// comes first is not known, and the first one held would throw the others back.
 void Simulation::hold_what_rests_beside(std::span<const int> crossed) {
-  const double still = still_moves(options_.integrator) * scale_of_rates();
+  const double still = std::max(kStillMoves, apart(options_.integrator)) * scale_of_rates();
   const auto comes_to_rest = [&](const DeviceHold& h) {
     const Device& d = model_->devices.all[static_cast<std::size_t>(h.device)];
     return std::ranges::any_of(crossed.subspan(static_cast<std::size_t>(d.root), d.family->n_roots), [](int side) { return side != 0; });
-  };
-  const auto is_slowed_alike = [&](const DeviceHold& a, const DeviceHold& b) {
-    const double by = std::abs(vdot_[a.v]);
-    return comes_to_rest(a) && std::abs(by - std::abs(vdot_[b.v])) <= kSlowedAlike * by;
   };
   const auto& holds = model_->devices.holds;
   std::vector<DeviceHold> rest;
   for (const DeviceHold& h : holds)
     if (!comes_to_rest(h) && std::abs(state_.v[h.v]) <= still && state_.v[h.v] * vdot_[h.v] < 0.0 &&
-        std::ranges::any_of(holds, [&](const DeviceHold& other) { return is_slowed_alike(other, h); }))
+        std::ranges::any_of(holds, [&](const DeviceHold& other) { return comes_to_rest(other) && is_alike(vdot_[other.v], vdot_[h.v]); }))
       rest.push_back(h);
   if (rest.empty()) return;
   const Eigen::VectorXd v = state_.v;

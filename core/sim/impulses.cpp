@@ -7,6 +7,7 @@
 
 #include "core/dynamics/forward.hpp"
 #include "core/linalg/complementarity.hpp"
+#include "core/sim/alike.hpp"
 #include "core/sim/simulation.hpp"
 
 namespace cardan {
@@ -191,8 +192,11 @@ void Simulation::bounce(std::span<const int> crossed) {
     together.push_back(&limit);
   }
   const auto almost_there = [&](const Limit& limit) {
-    const double missing = limit.side * (limit.value - state_.q[limit.q]);
-    return missing > 0.0 && missing <= kAlmost * std::max(1.0, std::abs(limit.value)) && inwards(limit) > limit.bounce.speed;
+    const double missing = limit.side * (limit.value - state_.q[limit.q]), place = std::max(1.0, std::abs(limit.value)),
+                 rate = inwards(limit);
+    if (!(missing > 0.0 && rate > limit.bounce.speed)) return false;
+    const auto comes_alike = [&](const Limit* other) { return is_alike(inwards(*other), rate); };
+    return missing <= kAlmost * place || (missing <= apart(options_.integrator) * place && std::ranges::any_of(together, comes_alike));
   };
   if (!together.empty()) {
     for (Limit& limit : limits_)
