@@ -283,11 +283,16 @@ void Simulation::pass_crossings(std::span<const int> crossed) {
   handle_events(crossed);
   const auto corners = crossed.subspan(events_.size(), limits_.size()), devices = crossed.subspan(events_.size() + limits_.size());
   const auto edges = crossed.last(static_cast<std::size_t>(model_->devices.n_edges));
-  for (std::size_t i = 0; i < corners.size(); ++i)
-    if (corners[i] != 0) limits_[i].passed = state_.t;
+  bool at_corner = false;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    if (corners[i] == 0) continue;
+    limits_[i].passed = state_.t;
+    // Where its rate is the other way, what a multistep method has between states went there within their error, and would again anew.
+    at_corner = at_corner || corners[i] * state_.v[limits_[i].v] >= 0.0;
+  }
   bounce(corners);
   const auto any = [](std::span<const int> of) { return std::ranges::any_of(of, [](int side) { return side != 0; }); };
-  if (device_events(devices) || any(corners) || any(edges))
+  if (device_events(devices) || at_corner || any(edges))
     start_anew_for(RestartCause::event);  // a stop begins or ends to push, a device changed, a shadow begins: a corner
 }
 

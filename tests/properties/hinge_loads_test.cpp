@@ -221,6 +221,21 @@ TEST(HardStop, WhatRoundingKeepsFromTheSameInstantIsTurnedOverTogether) {
   }
 }
 
+/// What rises from its stop by less than the error of a multistep method falls back and presses into it: their first steps went through the
+/// stop at once with a rate away from it, and each time began anew.
+TEST(HardStop, WhatRisesByLessThanTheErrorOfTheStepsFallsBackOnce) {
+  for (const char* method : {"cvode_bdf", "cvode_adams"})
+    for (double e = 0.03; e < 0.3; e += 0.01) {
+      BodySpec ball = on(particle("ball", 1.0, {0, 0, 0}), "", "prismatic", {{0, 0, 1}});
+      ball.hinge.q = {0.2}, ball.hinge.loads = {hard_stop(0.0, kNever, 700.0, e, 2e-4)};
+      SystemSpec spec = system({ball});
+      spec.gravity = uniform_gravity({0, 0, -26.0});
+      Simulation sim(compiled(spec), accurate(method, 1e-9));
+      sim.run(0.3);
+      EXPECT_LT(sim.statistics().restarts, 50) << method << " " << e;
+    }
+}
+
 /// A heavy ball that touches a light one at a wall turns back after pi sqrt(m_2 / m_1) blows without loss [Galperin 2003], all at once: it
 /// is told where they are cut off.
 TEST(HardStop, TellsWhereBlowsOfOneInstantAreCutOff) {
