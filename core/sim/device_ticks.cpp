@@ -158,12 +158,12 @@ bool Simulation::device_events(std::span<const int> crossed) {
         const int side = crossed[static_cast<std::size_t>(d.root) + root];
         if (side == 0) continue;
         if (!told) observe();
-        if (holding && !told) hold_what_rests_beside(crossed);
         told = holding;
         device_happens(static_cast<int>(i), root, side);
         any = true;
       }
     }
+    if (told) hold_what_rests_beside(crossed);
   }
   if (hold_events(crossed)) any = true;
   if (any) settle_holds();

@@ -103,28 +103,25 @@ void Simulation::hold_again(const DeviceHold& h) {
   changed();
 }
 
-/// What slows down alike beside what comes to rest, and has hardly a rate left, begins to hold with it, as if it had none: which of them
-/// comes first is not known, and the first one held would throw the others back.
+/// What slows down alike beside what has just begun to hold, and has hardly a rate left, holds with it: which of them comes to rest first
+/// is not known, and the first one held would throw the others back. Accelerations are those of before.
 void Simulation::hold_what_rests_beside(std::span<const int> crossed) {
   const double still = std::max(kStillMoves, apart(options_.integrator)) * scale_of_rates();
-  const auto comes_to_rest = [&](const DeviceHold& h) {
-    const Device& d = model_->devices.all[static_cast<std::size_t>(h.device)];
-    return std::ranges::any_of(crossed.subspan(static_cast<std::size_t>(d.root), d.family->n_roots), [](int side) { return side != 0; });
+  const auto device = [&](const DeviceHold& h) -> const Device& { return model_->devices.all[static_cast<std::size_t>(h.device)]; };
+  const auto holds_now = [&](const DeviceHold& h) -> double& { return state_.marks[device(h).mark]; };
+  const auto has_crossed = [&](const DeviceHold& h) {
+    return std::ranges::any_of(crossed.subspan(static_cast<std::size_t>(device(h).root), device(h).family->n_roots),
+                               [](int side) { return side != 0; });
   };
   const auto& holds = model_->devices.holds;
-  std::vector<DeviceHold> rest;
-  for (const DeviceHold& h : holds)
-    if (!comes_to_rest(h) && std::abs(state_.v[h.v]) <= still && state_.v[h.v] * vdot_[h.v] < 0.0 &&
-        std::ranges::any_of(holds, [&](const DeviceHold& other) { return comes_to_rest(other) && is_alike(vdot_[other.v], vdot_[h.v]); }))
-      rest.push_back(h);
-  if (rest.empty()) return;
-  const Eigen::VectorXd v = state_.v;
-  for (const DeviceHold& h : rest) state_.v[h.v] = 0.0;
-  changed();
-  observe();
-  for (const DeviceHold& h : rest) device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
-  state_.v = v;  // settle_holds() stops what is known to hold
-  changed();
+  for (const DeviceHold& h : holds) {
+    const auto stops_alike = [&](const DeviceHold& other) {
+      return has_crossed(other) && holds_now(other) != 0.0 && is_alike(vdot_[other.v], vdot_[h.v]);
+    };
+    if (holds_now(h) == 0.0 && !has_crossed(h) && std::abs(state_.v[h.v]) <= still && state_.v[h.v] * vdot_[h.v] < 0.0 &&
+        std::ranges::any_of(holds, stops_alike))
+      holds_now(h) = 1.0, changed();
+  }
 }
 
 /// What closed loops do not let move because something else is held stands still, and holds as well.
