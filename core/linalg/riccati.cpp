@@ -127,20 +127,27 @@ Discretised discretised(const MatrixXd& A, const MatrixXd& B, const MatrixXd& W,
   const int doublings = size > 1.0 ? static_cast<int>(std::min(std::ceil(std::log2(size)), kMostOfDt)) : 0;
   const double h = std::ldexp(dt, -doublings), density = W.lpNorm<Eigen::Infinity>();
   const MatrixXd Ah = A * h;
-  // Without the sizes of B and W, which would cost digits: the integral of exp(A s) over s, and exp(A s) - 1, in which what only adds up
-  // keeps its zeros.
-  MatrixXd sum = series(h * one, [&](const MatrixXd&term) -> MatrixXd { return Ah * term; }), more = A * sum;
+  // Without the sizes of B and W, which would cost digits: the integral of exp(A s) over s, and exp(A s), whose diagonal less 1 stands
+  // beside it, in which what only adds up keeps its zeros.
+  MatrixXd sum = series(h * one, [&](const MatrixXd&term) -> MatrixXd { return Ah * term; }), part = A * sum;
+  Eigen::ArrayXd grows = part.diagonal();
+  part += one;
   MatrixXd Wd = series(W * (density > 0.0 ? h / density : 0.0), [&](const MatrixXd& term) {
     const MatrixXd half = Ah * term;
     return MatrixXd(half + half.transpose());
   });
   for (int i = 0; i < doublings; ++i) {
-    const MatrixXd part = one + more;
     Wd += (part * Wd * part.transpose()).eval();
     sum += (part * sum).eval();
-    more += (part * more).eval();
+    const Eigen::ArrayXd through = (part - MatrixXd(part.diagonal().asDiagonal())).cwiseProduct(part.transpose()).rowwise().sum();
+    part = (part * part).eval();
+    grows = grows * (2.0 + grows) + through;
+    const auto fades = grows < -0.5;  // to so little that a difference to 1 does not have its digits
+    const Eigen::ArrayXd faded = part.diagonal();
+    part.diagonal() = fades.select(faded, 1.0 + grows);
+    grows = fades.select(faded - 1.0, grows).eval();
   }
-  return {one + more, sum * B, density * symmetric(Wd)};
+  return {part, sum * B, density * symmetric(Wd)};
 }
 
 }  // namespace cardan

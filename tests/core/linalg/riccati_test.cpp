@@ -164,7 +164,7 @@ TEST(Discretised, KeepsItsDigitsAtAnyInputAndOverLongTicks) {
     EXPECT_EQ(step.A(1, 1), 1.0);
     EXPECT_NEAR(step.A(0, 1) / dt, 1.0, 1e-15) << dt;
     EXPECT_NEAR(step.B(0, 0) / (0.5 * dt * dt), 1.0, 1e-15) << dt;
-    EXPECT_NEAR(step.A(2, 2), std::exp(-2.0 * dt), 1e-15) << dt;
+    EXPECT_NEAR(step.A(2, 2), std::exp(-2.0 * dt), 1e-15 * (1.0 + 2.0 * dt) * std::exp(-2.0 * dt)) << dt;
     EXPECT_NEAR(step.B(2, 0), -3.0 * std::expm1(-2.0 * dt), 1e-14) << dt;
   }
 }
@@ -189,6 +189,20 @@ TEST(Discretised, KeepsTheDigitsOfEachOfAChain) {
               << n << ", " << T << ": " << i << ", " << j;
         }
       }
+    }
+}
+
+/// Lags in a row, the second in other units: what is left of both after many of their times has its digits too.
+TEST(Discretised, KeepsTheDigitsOfWhatFades) {
+  for (const double a : {1.0, 20.0, 40.0, 300.0})
+    for (const double unit : {1e-12, 1.0, 1e12}) {
+      MatrixXd A(2, 2);
+      A << -a, 0, unit, -a;
+      const Discretised step = discretised(A, MatrixXd(2, 0), MatrixXd::Zero(2, 2), 1.0);
+      const double left = std::exp(-a), digits = 1e-15 * (1.0 + a);
+      EXPECT_NEAR(step.A(0, 0) / left, 1.0, digits) << a << ", " << unit;
+      EXPECT_NEAR(step.A(1, 0) / (unit * left), 1.0, digits) << a << ", " << unit;
+      EXPECT_EQ(step.A(0, 1), 0.0);
     }
 }
 
