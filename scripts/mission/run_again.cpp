@@ -61,7 +61,9 @@ class Reader {
     point->resumed = file_.has_attribute("/run", "resumed") ? text("resumed") + ", " : "";
     point->resumed += fmt::format("{}", point->t);
     const std::string verdict = file_.has_attribute("/run", "verdict") ? text("verdict") : "";
-    point->at_its_end = verdict == name_of(Verdict::passed) || verdict == name_of(Verdict::failed);
+    // A check or a figure that fails there, as one of what was still to come, aborts the run at its end.
+    point->at_its_end = verdict == name_of(Verdict::passed) || verdict == name_of(Verdict::failed) ||
+                        (verdict == name_of(Verdict::aborted) && run.until && file_.read_doubles("/restart/t").values[0] >= *run.until);
     run.resume = std::move(point);
     return run;
   }

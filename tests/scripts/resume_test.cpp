@@ -124,6 +124,20 @@ TEST(Resume, GoesOnToTheEndOfTheMissionFromWhatUntilStopped) {
   expect_same_results(dir / "longer", dir / "again");
 }
 
+// A check of what was still to come aborted the run there.
+TEST(Resume, GoesOnWhereAFailingCheckMetTheEndThatUntilGave) {
+  const TemporaryFolder dir;
+  make_scenario(
+      dir, std::string(kMission) + "check { name = 'end', value = function() return mission.time() == 6 and 1 or nil end, above = 0 }");
+  ASSERT_LE(run_program({"run", dir.path(), "--out", "whole"}, dir.path()).exit_code, 1);
+  for (const char* until : {"2.5", "2.83"}) {
+    ASSERT_EQ(run_program({"run", dir.path(), "--out", "part", "--until", until}, dir.path()).exit_code, 3);
+    const Finished rest = run_program({"run", "--resume", "part", "--out", "rest"}, dir.path());
+    ASSERT_LE(rest.exit_code, 1) << rest.err;
+    expect_same_results(dir / "whole", dir / "rest");
+  }
+}
+
 TEST(Resume, GoesOnFromWhatASignalOrAKillLeft) {
   for (const int signal : {SIGTERM, SIGKILL}) {
     const TemporaryFolder dir;
