@@ -15,7 +15,7 @@
 #include "core/spatial/rotation.hpp"
 
 // mass and bias are compiled for three instruction sets and the best is taken at load; many states at once for the set whose registers hold
-// them. A program whose sweeps are built for one set alone (CARDAN_ONE_SET, CARDAN_ONE_WIDTH) has all for that. Without fused
+// them. A program whose sweeps are built for one set alone (CARDAN_ONE_SET) has all for that. Without fused
 // multiplications (-ffp-contract=off) all give the same bits.
 #ifdef CARDAN_ONE_SET
 #define CARDAN_KERNEL_CLONES __attribute__((target(CARDAN_ONE_SET)))
@@ -624,18 +624,14 @@ CARDAN_INTO_CLONES void both_of(const Packed& p, const double* eta, const double
   polynomial_mass(p, in(eta), out(M_rr), out(M_re), out(M_ee));
   if (etadot) polynomial_bias(p, in(eta), in(etadot), Vec3<T>{in(omega)[0], in(omega)[1], in(omega)[2]}, out(b));
 }
-#ifdef CARDAN_ONE_SET
-CARDAN_KERNEL_CLONES void states(const void* packed, std::uint32_t, const double* eta, const double* etadot, const double* omega,
-                                 double* M_rr, double* M_re, double* M_ee, double* b) {
-  both_of<CARDAN_ONE_WIDTH>(self(packed), eta, etadot, omega, M_rr, M_re, M_ee, b);
-}
-#else
 #define CARDAN_STATES(N, TARGET)                                                                                                    \
   TARGET void states_##N(const Packed& p, const double* eta, const double* etadot, const double* omega, double* M_rr, double* M_re, \
                          double* M_ee, double* b) {                                                                                 \
     both_of<N>(p, eta, etadot, omega, M_rr, M_re, M_ee, b);                                                                         \
   }
-#ifdef __x86_64__
+#ifdef CARDAN_ONE_SET
+#define CARDAN_TARGET(set) CARDAN_KERNEL_CLONES
+#elif defined(__x86_64__)
 #define CARDAN_TARGET(set) __attribute__((target(set)))
 #else
 #define CARDAN_TARGET(set)
@@ -651,7 +647,6 @@ void states(const void* packed, std::uint32_t n, const double* eta, const double
   const auto of = n == 2 ? states_2 : n == 4 ? states_4 : states_8;
   of(self(packed), eta, etadot, omega, M_rr, M_re, M_ee, b);
 }
-#endif
 
 }  // namespace
 

@@ -130,6 +130,7 @@ void forget_rounding(ModalIntegrals& I) {
       const auto s = static_cast<std::size_t>(l);
       const double rounding = kRounding * std::sqrt(I.I6(l, l) * I.I6(k, k));
       if (I.I5[s].col(k).norm() <= rounding) I.I5[s].col(k).setZero();
+      if (I.I9.empty()) continue;  // forgotten itself
       for (double& x : I.I9[s * static_cast<std::size_t>(m) + static_cast<std::size_t>(k)].reshaped())
         if (std::abs(x) <= rounding) x = 0.0;
     }

@@ -24,6 +24,7 @@
 #include "core/io/hdf5_file.hpp"
 #include "core/io/result_folder.hpp"
 #include "tests/scripts/run_program.hpp"
+#include "tests/support/sanitized.hpp"
 
 namespace cardan {
 namespace {
@@ -519,6 +520,7 @@ TEST(Program, TakesModesFromTheCacheFromItsSecondStartAndResultsAreTheSame) {
 
 // From limits at which the program hardly starts to one that is enough: what is short of memory says so.
 TEST(Program, SaysWhenMemoryIsShort) {
+  if (test::sanitized) GTEST_SKIP() << "the checks of addresses take more than the limit themselves";
   const TemporaryFolder dir;
   write(dir / "vehicle.yaml",
         "cardan: 1\nbodies:\n  wing:\n    type: modal_flexible\n    hinge: {type: free, to: world}\n    modal:\n"
@@ -544,6 +546,7 @@ TEST(Program, SaysWhenMemoryIsShort) {
 
 /// The machine gives less than the 256 MiB that a script may have: that is what is said, and what was recorded is kept.
 TEST(Program, SaysWhenMemoryIsShortInTheRun) {
+  if (test::sanitized) GTEST_SKIP() << "the checks of addresses take more than the limit themselves";
   const TemporaryFolder dir;
   make_scenario(
       dir,

@@ -213,6 +213,14 @@ TEST(Matrices, OfNodesWithoutRotationsAreThoseOfSolids) {
     ModalSource by_plane = source;
     std::get<MatrixModel>(by_plane.model).root = base;
     EXPECT_EQ(make_modal_data(by_plane).content_hash, got.content_hash);
+    NodeSet three, at_mean;  // the second without a place of its own
+    three.names = {"n3", "n17", "n31"};
+    at_mean = three, at_mean.at_mean = true;
+    const Vector3d mean = (bare.nodes[3] + bare.nodes[17] + bare.nodes[31]) / 3.0;
+    by_plane.points = {{.name = "placed", .position = mean, .nodes = three}, {.name = "named", .nodes = at_mean}};
+    const ModalData both = make_modal_data(by_plane);
+    EXPECT_LE((both.nodes[2].position - mean).norm(), 1e-12);
+    EXPECT_LE((both.nodes[2].Phi - both.nodes[1].Phi).norm(), 1e-12 * both.nodes[1].Phi.norm());
     std::get<MatrixModel>(by_plane.model).root.normal.setZero();
     std::get<MatrixModel>(by_plane.model).root.names = {"n0"};
     EXPECT_THROW(make_modal_data(by_plane), InputError) << "it turns about one node";
@@ -461,7 +469,8 @@ TEST(Matrices, OfMassesWithOffsetsKnowWhereTheyAre) {
   std::vector<Mass> masses;
   MatrixXd M = MatrixXd::Zero(6 * n, 6 * n);
   for (int i = 0; i < 3 * n; ++i) {
-    const Mass& p = masses.emplace_back(i / 3, 2.0 + uniform(random), 0.3 * Vector3d(uniform(random), uniform(random), uniform(random)));
+    masses.push_back({i / 3, 2.0 + uniform(random), 0.3 * Vector3d(uniform(random), uniform(random), uniform(random))});
+    const Mass& p = masses.back();
     MatrixXd move(3, 6);  // of the mass by its node
     move << Matrix3d::Identity(), Matrix3d::Zero();
     for (int a = 0; a < 3; ++a) move.col(3 + a) = Vector3d::Unit(a).cross(p.offset);
