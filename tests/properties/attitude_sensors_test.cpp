@@ -368,7 +368,7 @@ TEST(Encoder, WantsACoordinate) {
 /// The direction from a node that turns to the centre of a planet, which is elsewhere; seen within its half-angle alone.
 TEST(HorizonSensor, ReadsTheDirectionToTheCentreInNodeAxes) {
   const Turning bus;
-  const Vector3d centre(1e6, -2e6, 5e5), arm(0.3, 0.2, -0.1), misaligned(0.01, -0.02, 0.03);
+  const Vector3d centre(1e6, -2e6, 5e5), arm(0.3, 0.2, -0.1), misaligned(0.3, -0.2, 0.25);
   for (const double half_angle : {0.8, pi}) {
     DeviceSpec d = with_vector(at_head("horizon_sensor", {{"half_angle", half_angle}}), "centre", centre);
     d = with_vector(with_vector(d, "misalignment", misaligned), "boresight", {0, 1, 0});

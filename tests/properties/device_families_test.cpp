@@ -61,11 +61,11 @@ TEST(Thruster, OpensAndClosesByItsOwnTimes) {
 /// whatever the steps. Full pulses join, and what is carried comes later.
 TEST(PulseModulator, GivesTheTimesThatAreCommanded) {
   const double F = 4.5, tau = 0.02, m = 100.0, period = 0.5;
-  const std::vector<double> commands = {0.3, 0.06, 0.06, 1.0, 1.0, 0.02, 0.0, 2.0, -1.0, 0.1};
+  const std::vector<double> commands = {0.3, 0.06, 0.06, 1.0, 1.0, 0.02, 0.0, 2.0, -1.0, 0.1, 0.06, 1.0};
   const std::map<std::string, double> open = {
-      {"skip", 0.3 + 1.0 + 1.0 + 0.02 + 1.0 + 0.1},  // the first two of 0.03 s are left out, 0.01 s after a full one is not short
-      {"raise", 0.3 + 0.1 + 0.1 + 1.0 + 1.0 + 0.02 + 1.0 + 0.1},  // a tenth of the period is the shortest
-      {"carry", 0.3 + 0.12 + 1.0 + 1.0 + 0.02 + 1.0 + 0.1}};
+      {"skip", 0.3 + 1.0 + 1.0 + 0.02 + 1.0 + 0.1 + 1.0},  // the first two of 0.03 s are left out, 0.01 s after a full one is not short
+      {"raise", 0.3 + 0.1 + 0.1 + 1.0 + 1.0 + 0.02 + 1.0 + 0.1 + 0.1 + 1.0},  // a tenth of the period is the shortest
+      {"carry", 0.3 + 0.12 + 1.0 + 1.0 + 0.02 + 1.0 + 0.1 + 1.06}};           // also what is carried beyond a full one
   for (const auto& [when_short, parts] : open)
     for (const std::string method : {"dopri5", "dop853", "rk4", "cvode_adams"}) {
       SystemSpec spec = system({free_bus(m)});
@@ -83,7 +83,7 @@ TEST(PulseModulator, GivesTheTimesThatAreCommanded) {
       const int command = sim.model().devices.all[static_cast<std::size_t>(sim.model().devices.find("valve"))].in;
       std::size_t k = 0;
       sim.every({1, 2}, [&] { sim.set_device_input(command, k < commands.size() ? commands[k] : 0.0), ++k; });
-      sim.run(6.5);
+      sim.run(7.5);
       EXPECT_NEAR(sim.state().v[5], F * parts * period / m, method == "rk4" ? 1e-7 : 1e-9) << when_short << ", " << method;
     }
 }

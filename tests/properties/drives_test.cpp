@@ -1,6 +1,7 @@
 // Stepper drives, and what shakes a vehicle: rotors, tones, records.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -121,6 +122,18 @@ TEST(Stepper, TurnsEvenlyWithoutSteps) {
   const auto [delivered, lost] = sim.devices()->powers(0);
   EXPECT_NEAR(delivered, c * W * W, 1e-10);
   EXPECT_NEAR(lost, c * W * W, 1e-10);
+}
+
+TEST(Stepper, GoesNoFasterThanItsLimit) {
+  const double step = 0.02, limit = 100.0;
+  for (const double rate : {-400.0, -50.0, 50.0, 400.0}) {
+    Simulation sim(
+        compiled(on_a_shaft(1e-4, 0.0,
+                            {{"step", step}, {"holding_torque", 2.0}, {"microsteps", 0.0}, {"damping", 0.5}, {"rate_limit", limit}}, rate)),
+        accurate());
+    sim.run(0.7);
+    EXPECT_NEAR(sim.device_output(1), 0.7 * step * std::clamp(rate, -limit, limit), 1e-13) << rate;
+  }
 }
 
 /// Behind a gear N and an output that gives way: motor on a hinge, coupled to the shaft that carries the array by a spring. Two
