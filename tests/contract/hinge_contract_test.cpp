@@ -21,14 +21,22 @@ const Registry& registry() {
   return r;
 }
 
+/// The same by names: each case is a process, and the trials of a plugin as it is loaded take as long as most cases.
+std::vector<std::string> types() {
+  Registry built_in;
+  register_hinges(built_in);
+  std::vector<std::string> all = built_in.hinges.types();
+  all.push_back("custom_cam");
+  return all;
+}
+
 class HingeContract : public testing::TestWithParam<std::string> {};
 
 TEST_P(HingeContract, ObeysEveryLaw) {
   const auto violations = hinge_law_violations(*registry().hinge(GetParam()), 40, 7);
   for (const auto& v : violations) ADD_FAILURE() << GetParam() << ": " << v;
 }
-INSTANTIATE_TEST_SUITE_P(Registry, HingeContract, testing::ValuesIn(registry().hinges.types()),
-                         [](const auto& tested) { return tested.param; });
+INSTANTIATE_TEST_SUITE_P(Registry, HingeContract, testing::ValuesIn(types()), [](const auto& tested) { return tested.param; });
 
 TEST(RandomTrees, AreMadeOfEveryBuiltInHinge) {
   Registry built_in;
