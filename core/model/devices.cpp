@@ -587,7 +587,7 @@ Devices compile_devices(const SystemSpec& spec, const Registry& registry, const 
 
 bool is_far(const Model& model, const double* q, const double* v) {
   return std::ranges::any_of(model.user, [&](const UserBody& u) {
-    return u.parent < 0 && is_far(u, {q + u.q, static_cast<std::size_t>(u.nq)}, {v + u.v, static_cast<std::size_t>(u.nv)});
+    return is_far(u, {q + u.q, static_cast<std::size_t>(u.nq)}, {v + u.v, static_cast<std::size_t>(u.nv)});
   });
 }
 

@@ -78,8 +78,7 @@ class EventFinder {
     slope_before_ = slope_begin_, slopes_known_before_ = slopes_known_;
     parts_.assign(1, t_end);
     const auto beside_near = [&](double t, double dt) { return near_at(t + dt); };
-    looks_ = 0;
-    for (; !parts_.empty(); parts_.pop_back()) {  // each part as if it were a step
+    for (looks_ = 0; !parts_.empty(); parts_.pop_back()) {  // each part as if it were a step
       bool at_end = false;
       for (;; ++looks_) {
         const double end = parts_.back();

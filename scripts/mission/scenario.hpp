@@ -170,6 +170,7 @@ struct Scenario {
   double trial_time = 0.0;  // [s] of an event function
   std::string_view actor;   // whose function runs: `controller "attitude"`
   VehicleChanges changes{{vehicle_file, registry, model, sim, actor, [this] { return compile_options(); }}};
+  bool begins_far = false;          // by initial{}: what acts between nodes is counted from home
   std::string stopped_by;           // the actor that called stop()
   std::optional<RunFailure> fault;  // a command that is not finite; a script cannot catch it
 
@@ -179,7 +180,6 @@ struct Scenario {
   std::shared_ptr<const SystemSpec> described() const;
   /// InputError where loops are still open.
   void expect_closed() const;
-  bool begins_far = false;  // by initial{}
   /// A scene without loads has no op for them.
   CompileOptions compile_options() const;
   void look_at_state();

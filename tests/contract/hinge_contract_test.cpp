@@ -38,6 +38,11 @@ TEST_P(HingeContract, ObeysEveryLaw) {
 }
 INSTANTIATE_TEST_SUITE_P(Registry, HingeContract, testing::ValuesIn(types()), [](const auto& tested) { return tested.param; });
 
+TEST(HingeLaws, AreAskedOfEveryTypeOfTheRegistry) {
+  const std::vector<std::string> tried = types(), all = registry().hinges.types();
+  EXPECT_EQ(std::set(tried.begin(), tried.end()), std::set(all.begin(), all.end()));
+}
+
 TEST(RandomTrees, AreMadeOfEveryBuiltInHinge) {
   Registry built_in;
   register_hinges(built_in);
