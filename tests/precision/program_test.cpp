@@ -498,7 +498,7 @@ TEST_F(Precision, LinesOfSettingsAreReadOrRefusedWithTheirPlace) {
 }
 
 TEST_F(Precision, ASecondStudyInTheSameFolderIsRefusedAndResultsAreKept) {
-  scene(std::string(kMission) + "controller { name = 'slow', rate = '10 Hz', step = function(t) for i = 1, 1e6 do end end }\n");
+  scene(std::string(kMission) + "controller { name = 'slow', rate = '10 Hz', step = function(t) for i = 1, 3e5 do end end }\n");
   const std::vector<std::string> line = {"precision", "scenario.lua", "--out",     "out",    "--methods",
                                          "dopri5",    "--tolerances", "1e-6:1e-9", "--quiet"};
   Started first(line, dir_.path());
