@@ -25,7 +25,7 @@ struct Arkode {
     const auto table = solution(method).newton ? ARKodeButcherTable_LoadDIRK(kImplicit) : ARKodeButcherTable_LoadERK(kExplicit);
     const std::unique_ptr<std::remove_pointer_t<ARKodeButcherTable>, sundials::Freed<ARKodeButcherTable_Free>> owned(table);
     if (!owned) throw std::runtime_error("SUNDIALS: no Butcher table");
-    return {n, {table->b, table->b + table->stages}, {table->c, table->c + table->stages}};
+    return {n, {table->b, table->b + table->stages}, {table->c, table->c + table->stages}, current_order(nullptr, method)};
   }
 
   static sundials::Solution solution(const std::string& method) {

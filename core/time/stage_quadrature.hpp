@@ -13,9 +13,17 @@ namespace cardan {
 
 class StageQuadrature {
  public:
-  /// n integrals; b, c: weights and places of all stages, the first at the start of the step.
-  StageQuadrature(int n, std::vector<double> b, const std::vector<double>& c)
-      : n_(static_cast<std::size_t>(n)), b_(std::move(b)), begin_(n_), sum_(n_), error_(n_), error_before_(n_), start_(n_), end_(n_) {
+  /// n integrals; b, c: weights and places of all stages, the first at the start of the step, of a method of this order, 5 or 6.
+  StageQuadrature(int n, std::vector<double> b, const std::vector<double>& c, int order)
+      : n_(static_cast<std::size_t>(n)),
+        one_more_(order == 5),
+        b_(std::move(b)),
+        begin_(n_),
+        sum_(n_),
+        error_(n_),
+        error_before_(n_),
+        start_(n_),
+        end_(n_) {
     before_ = third_ = two_thirds_ = sum_;
     noted_.resize(n_ * (b_.size() - 1));
     for (std::size_t s = 1; s < b_.size(); ++s)
@@ -49,10 +57,12 @@ class StageQuadrature {
       double by = b_[0] * start_[i];
       for (std::size_t stage = 1; stage < b_.size(); ++stage) by += b_[stage] * rate(stage);
       sum_[i] += h * by;
-      // A rule of three points tells the error of its order, 4; how much that is below the trapezium's tells what two orders gain.
+      // A rule of three points tells the error of its order, 4; how much that is below the trapezium's tells what two orders gain. States
+      // at stages are of a lower order than the step: the weights of the method make up for it, to its order and no further.
       const double lower = h * std::abs(by - three_[0] * start_[i] - three_[1] * rate(middle_) - three_[2] * end_[i]);
       const double trapezium = 0.5 * h * std::abs(end_[i] - start_[i]);
-      error_[i] += lower * (lower < trapezium ? lower / trapezium : 1.0);
+      const double two_more = lower < trapezium ? lower / trapezium : 1.0;
+      error_[i] += lower * (one_more_ ? std::sqrt(two_more) : two_more);
     }
     before_ = start_;
     start_ = end_;
@@ -88,6 +98,7 @@ class StageQuadrature {
 
  private:
   std::size_t n_;
+  bool one_more_;  // order than the rule that tells the error
   std::vector<double> b_;
   std::size_t middle_ = 0;         // of the stages
   std::array<double, 3> three_{};  // weights at the start, there and at the end

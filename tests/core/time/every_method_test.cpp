@@ -290,6 +290,29 @@ TEST_P(EveryMethod, IntegralsTellWhatTheyAreOffBy) {
   }
 }
 
+/// What is stored in a contact that parts goes out at its depth, which is small beside the states, times a speed: a step that goes all the
+/// way shows there what its stages, of a lower order than its end, are off by.
+TEST(StagesOfAStep, TellWhatIntegralsOfTheStatesAreOffBy) {
+  constexpr double kStart = 0.6, kAllowed = 10.0;  // [rad]; as the verdict of the ledger allows
+  for (const char* method : {"ark_explicit", "ark_implicit", "ark_imex"})
+    for (const double relative : {1e-4, 1e-6, 1e-8, 1e-10, 1e-12})
+      for (const double way : {0.03, 0.1, 0.3}) {
+        OdeProblem p = oscillator();
+        p.n_quadrature = 1;
+        p.integrands = [way](double, const double* x, double* ydot) { ydot[0] = (x[0] - std::cos(kStart + way)) * x[1]; };
+        auto integrator = make_by(p, adaptive(method, relative));
+        Values x = {std::cos(kStart), -std::sin(kStart)};
+        integrator->restart(0.0, x.data());
+        while (integrator->step(way, x.data()).t < way) {
+        }
+        double y, error;
+        integrator->integrals(way, &y, &error);
+        const double truth = -0.5 * std::pow(std::cos(kStart) - std::cos(kStart + way), 2);
+        EXPECT_LT(std::abs(y - truth), kAllowed * error + 1e-16) << method << " at " << relative << " over " << way;
+        EXPECT_LT(error, 1e-3 * std::abs(truth)) << method << " at " << relative << " over " << way;
+      }
+}
+
 /// A command moves by a thousandth where a step ends: methods of one step go on with their step and order, those of several begin at order
 /// 1 with short steps.
 TEST_P(EveryMethod, KeepsItsStepOverATickUnlessItIsOfSeveralSteps) {
