@@ -216,7 +216,7 @@ void Simulation::bounce(std::span<const int> crossed) {
       if (struck(limit) && inwards(limit) >= kAsFast * fastest) together.push_back(&limit);
     if (together.empty()) return;
     if (blows == kBounces)
-      return warn(Code::mission_doubt, {told(*together[0]), {}},
+      return warn(Code::beyond_the_model, {told(*together[0]), {}},
                   fmt::format("{} blows in one instant are no end of them: it is pressed in", blows),
                   "a restitution below 1, or room between the stops");
     blow();

@@ -22,6 +22,7 @@
 #include "core/sim/vehicle_momentum_form.hpp"
 #include "core/soa/field_at.hpp"
 #include "core/spatial/eigen_bridge.hpp"
+#include "scripts/mission/mission_run.hpp"
 
 namespace cardan {
 namespace {
@@ -188,12 +189,13 @@ void look_at_long_bodies(Scenario& s) {
 }
 
 void look_at_sizes(Scenario& s) {
-  const double columns = 4.0 * s.model->nv + 2.0 * s.model->nq, rows = s.mission.duration / s.mission.output_period.value();
-  if (rows * columns * sizeof(double) > kLargeBytes)
+  std::size_t columns = 1;  // time
+  for (const Output& o : mission_outputs(s)) columns += o.channel.components.size();
+  const double rows = s.mission.duration / s.mission.output_period.value(), bytes = rows * static_cast<double>(columns * sizeof(double));
+  if (bytes > kLargeBytes)
     s.warnings.add(Code::large_run, {"mission.output", {s.file.string(), 0, 0}},
-                   fmt::format("{:.3g} rows of about {:g} numbers: run.h5 will take about {}", rows, columns,
-                               bytes_text(rows * columns * sizeof(double))),
-                   "a lower mission.output.rate");
+                   fmt::format("{:.3g} rows of {} numbers: run.h5 will take about {}", rows, columns, bytes_text(bytes)),
+                   "a lower mission.output.rate, or fewer nodes and reactions");
   const IntegratorOptions& i = s.mission.simulation.integrator;
   const double n = s.model->nq + s.model->nv, dense = 3.0 * n * n * sizeof(double);  // Jacobian, its saved copy, Newton matrix
   if (is_implicit(i.method) && i.method != "ida" && i.linear_solver != "krylov" && dense > kLargeBytes)

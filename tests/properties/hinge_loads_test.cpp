@@ -252,7 +252,7 @@ TEST(HardStop, TellsWhereBlowsOfOneInstantAreCutOff) {
       EXPECT_NEAR(sim.state().v[0] + sim.state().v[1], 1.0, 2e-4);
     } else {
       ASSERT_EQ(told.size(), 1u);
-      EXPECT_EQ(told[0].what.code, Code::mission_doubt);
+      EXPECT_EQ(told[0].what.code, Code::beyond_the_model);
       EXPECT_NE(told[0].what.about.find("1000 blows in one instant"), std::string::npos) << told[0].what.about;
     }
     EXPECT_NEAR(sim.energy().total(), 0.5 * heavy, 1e-9 * heavy);

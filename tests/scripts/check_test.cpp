@@ -717,6 +717,20 @@ TEST_F(Physics, ResultsThatFillADiskAreToldOf) {
   EXPECT_EQ(codes(), "W0502 ");
 }
 
+/// Time, three of the hinge, three ledgers, thirteen of the node, six of the reaction, two of the signal: 28 numbers of 8 bytes a row. It
+/// was guessed from the states, 6 numbers.
+TEST_F(Physics, NodesReactionsAndSignalsCountInWhatResultsTake) {
+  for (const auto& [rate, told] : {std::pair("8928", ""), {"8929", "W0502 "}}) {
+    write(
+        "cardan: 1\nbodies:\n  p:\n    mass: 1\n    inertia: [1, 1, 1]\n    nodes: {tip: {position: [1, 0, 0]}}\n"
+        "    hinge: {type: prismatic, axis: [1, 0, 0], to: world}\n",
+        fmt::format("vehicle 'v.yaml'\nsignals {{ law = {{ components = {{ 'a', 'b' }} }} }}\n"
+                    "mission {{ duration = 1000, output = {{ rate = {}, nodes = {{ 'p.tip' }}, reactions = {{ 'p' }} }} }}\n",
+                    rate));
+    EXPECT_EQ(codes(), told) << rate;
+  }
+}
+
 // ---- documents and settings ----
 
 TEST_F(Physics, TheFirstVehicleOfTheDocumentRunsWithABareMission) {
