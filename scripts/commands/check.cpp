@@ -2,6 +2,7 @@
 
 #include "core/model/doubts.hpp"
 #include "core/sim/expected_stiffness.hpp"
+#include "core/sim/far_loops.hpp"
 #include "scripts/bindings/open.hpp"
 #include "scripts/commands/commands.hpp"
 #include "scripts/commands/gathered_warnings.hpp"
@@ -32,6 +33,7 @@ void add_check(CommandLine& line) {
     s->warnings.add(expected_stiffness(s->model, s->sim->state().q.data(), s->mission.simulation.integrator, shortest_interval(*s),
                                        s->mission.duration));
     s->warnings.add(doubts_at_start(*s->model, s->sim->state().q.data(), s->sim->state().v.data()));
+    s->warnings.add(loops_far_from_home(*s->sim));
     quiet = true;  // what functions of the run say is said in a run
     const std::vector<std::string> elsewhere = kept_elsewhere_at_start(*s);
     fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}{}, {:g} s{}\n", bodies(s->model->user.size()), s->model->nq,

@@ -469,6 +469,7 @@ TEST_F(Physics, RatesThatClosedLoopsGiveABodyInOrbitAreToldWhereNobodyCanMeanThe
   EXPECT_TRUE(has(f.err, "W0302") && has(f.err, "at: bodies.b.hinge") && has(f.err, "b.wz begins with")) << f.err;
   docked(", velocity: [0, 7612.63, -0.02]", "");
   EXPECT_EQ(codes(), "");
+  EXPECT_TRUE(has(check().err, "its ends are counted from the origin of the world")) << "the run alone told it";
   docked("", "initial { b = { velocity = { 0, 7612.63, -0.02 }, angular_velocity = { 0, 0, 0 } } }\n");
   EXPECT_EQ(codes(), "") << "of another start than that of the mission";
 }
