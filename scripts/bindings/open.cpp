@@ -11,7 +11,6 @@
 #include "scripts/bindings/sim.hpp"
 #include "scripts/lua/matrix.hpp"
 #include "scripts/mission/examine.hpp"
-#include "scripts/mission/mission_run.hpp"
 
 namespace cardan {
 namespace {

@@ -20,6 +20,7 @@
 #include "scripts/commands/commands.hpp"
 #include "scripts/commands/interrupt.hpp"
 #include "scripts/commands/streams.hpp"
+#include "scripts/mission/examine.hpp"
 #include "scripts/mission/mission_run.hpp"
 #include "scripts/report/page.hpp"
 

@@ -23,6 +23,7 @@
 #include "scripts/commands/progress.hpp"
 #include "scripts/commands/streams.hpp"
 #include "scripts/mission/describe_scenario.hpp"
+#include "scripts/mission/examine.hpp"
 #include "scripts/mission/mission_run.hpp"
 #include "scripts/mission/run_again.hpp"
 #include "scripts/report/report.hpp"

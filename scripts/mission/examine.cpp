@@ -15,6 +15,7 @@
 #include "core/sim/choose_method.hpp"
 #include "core/sim/diagonalised_form.hpp"
 #include "core/sim/flexible_limits.hpp"
+#include "core/sim/outputs.hpp"
 #include "core/sim/twin_dynamics.hpp"
 #include "core/sim/vehicle_extended.hpp"
 #include "core/sim/vehicle_implicit_form.hpp"
@@ -22,7 +23,6 @@
 #include "core/sim/vehicle_momentum_form.hpp"
 #include "core/soa/field_at.hpp"
 #include "core/spatial/eigen_bridge.hpp"
-#include "scripts/mission/mission_run.hpp"
 
 namespace cardan {
 namespace {
@@ -205,6 +205,13 @@ void look_at_sizes(Scenario& s) {
 }
 
 }  // namespace
+
+std::vector<Output> mission_outputs(Scenario& s) {
+  std::vector<Output> all = standard_outputs(*s.sim, {s.mission.reactions, s.mission.nodes});
+  for (const auto& signal : s.signals)
+    all.push_back({signal->channel, [&values = signal->values](double* x) { std::copy(values.begin(), values.end(), x); }});
+  return all;
+}
 
 void expect_away_from_centre(const std::shared_ptr<const Model>& model, const double* q) {
   if (model->gravity.kind != GravitySpec::Kind::central) return;

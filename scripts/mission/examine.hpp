@@ -10,6 +10,9 @@ namespace cardan {
 /// get through.
 void examine(Scenario&);
 
+/// What is recorded: bodies, hinges, modes, ledger, what the mission asks for, and signals.
+std::vector<Output> mission_outputs(Scenario&);
+
 /// Throws InputError for a body nearer to the centre of central gravity than its radius of gyration: the law makes no sense there.
 void expect_away_from_centre(const std::shared_ptr<const Model>&, const double* q);
 /// Prescribed components that stand still and were given no motion.

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/sim/outputs.hpp"
 #include "scripts/mission/examine.hpp"
 
 namespace cardan {
@@ -363,13 +362,6 @@ std::vector<Check> MissionRun::checks() {
 std::vector<Figure> MissionRun::figures() {
   std::vector<Figure> all;
   for (const Measure& m : s_.figures) all.push_back({m.name, value(m, "figure"), m.unit});
-  return all;
-}
-
-std::vector<Output> mission_outputs(Scenario& s) {
-  std::vector<Output> all = standard_outputs(*s.sim, {s.mission.reactions, s.mission.nodes});
-  for (const auto& signal : s.signals)
-    all.push_back({signal->channel, [&values = signal->values](double* x) { std::copy(values.begin(), values.end(), x); }});
   return all;
 }
 

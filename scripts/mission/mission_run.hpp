@@ -69,8 +69,6 @@ class MissionRun {
   std::exception_ptr event_interrupt_;       // likewise
 };
 
-/// What is recorded: bodies, hinges, modes, ledger, what the mission asks for, and signals.
-std::vector<Output> mission_outputs(Scenario&);
 /// All that is known of the origin of the results.
 RunHeader run_header(const Scenario&);
 
