@@ -179,10 +179,8 @@ void Simulation::take_in() {
   world_rates_ = world_rates_ || !given.empty();
   obstacle_.forget();
   stop_rounding();
-  for (const DeviceHold& h : model_->devices.holds) {  // what is held takes part in a jump of rates, and what slides may slide back
-    const bool sticks = state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] != 0.0;
-    holds_.begin_anew = holds_.begin_anew || !sticks || state_.v[h.v] != 0.0;
-  }
+  for (const DeviceHold& h : model_->devices.holds)  // what is held takes part in a jump of rates, and what slides may slide back
+    holds_.begin_anew = holds_.begin_anew || mark_of(h) == 0.0 || state_.v[h.v] != 0.0;
   changed();
   let_inside();
   if (adopted_told_) adopted_told_();
@@ -202,12 +200,11 @@ void Simulation::take_in() {
   std::vector<double> roots(static_cast<std::size_t>(model_->devices.n_roots), 0.0);
   for (std::size_t i = 0; i < map.device.size(); ++i) {
     const Device &was = before->devices.all[i], &is = model_->devices.all[static_cast<std::size_t>(map.device[i])];
-    const std::uint32_t n = is.family->n_roots;
     if (same_params(*before, was, *model_, is) && same_zeros(was, q_was, is, state_.q)) {
-      std::copy_n(roots_were.begin() + was.root, n, roots.begin() + is.root);
+      std::copy_n(roots_were.begin() + was.root, is.family->n_roots, roots.begin() + is.root);
     } else {
       observe();
-      device_event(map.device[i], n, 0);
+      start_device(map.device[i]);
       changed();
     }
   }

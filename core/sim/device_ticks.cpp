@@ -113,6 +113,10 @@ void Simulation::device_event(int device, std::uint32_t root, int direction) {
   if (!unless_thrown([&] { devices_->event(device, root, direction, state_.z.data(), state_.marks.data()); })) fail(explain({}));
 }
 
+void Simulation::start_device(int device) {
+  device_event(device, model_->devices.all[static_cast<std::size_t>(device)].family->n_roots, 0);
+}
+
 /// At a trial state; behind what devices hold those of fields.
 void Simulation::device_roots(double t, const double* x, double* g) {
   const Model& m = *model_;
@@ -128,8 +132,7 @@ void Simulation::start_devices(std::span<const int> but) {
   if (!devices_) return;
   observe();
   for (std::size_t i = 0; i < model_->devices.all.size(); ++i)
-    if (std::ranges::find(but, static_cast<int>(i)) == but.end())
-      device_event(static_cast<int>(i), model_->devices.all[i].family->n_roots, 0);
+    if (std::ranges::find(but, static_cast<int>(i)) == but.end()) start_device(static_cast<int>(i));
   changed();
   holds_.begin_anew = false;
   settle_holds();

@@ -57,9 +57,16 @@ bool Simulation::look_at_holds(double t, const double* x) {
   return holding_->look(*devices_, hold_inputs(t, x), t, x + model_->nq + model_->nv, state_.marks.data());
 }
 
+bool Simulation::is_held(const DeviceHold& h) const { return model_->prescribed[static_cast<std::size_t>(h.v)] != 0; }
+
+/// Whether it holds, of a device that may.
+double& Simulation::mark_of(const DeviceHold& h) { return state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark]; }
+
+/// [rad/s, m/s] What comes to rest has no more left where that is located, or where it comes alike with others.
+double Simulation::hardly_moves() const { return std::max(kStillMoves, apart(options_.integrator)) * scale_of_rates(); }
+
 bool Simulation::anything_is_held() const {
-  return std::ranges::any_of(model_->devices.holds,
-                             [&](const DeviceHold& h) { return model_->prescribed[static_cast<std::size_t>(h.v)] != 0; });
+  return std::ranges::any_of(model_->devices.holds, [this](const DeviceHold& h) { return is_held(h); });
 }
 
 /// At a trial state: what is left until each held component breaks away; 1 of others, and where v' cannot be evaluated.
@@ -82,10 +89,10 @@ void Simulation::break_away(std::size_t hold, int direction) {
 
 /// Where it came to rest is known to the rounding of the instant, and so far it moves there still: no error of the steps.
 void Simulation::stop_what_is_held() {
-  const auto moves = [this](const DeviceHold& h) { return model_->prescribed[static_cast<std::size_t>(h.v)] != 0 && state_.v[h.v] != 0.0; };
+  const auto moves = [this](const DeviceHold& h) { return is_held(h) && state_.v[h.v] != 0.0; };
   const auto& holds = model_->devices.holds;
   if (std::ranges::none_of(holds, moves)) return;
-  const double still = std::max(kStillMoves, apart(options_.integrator)) * scale_of_rates();
+  const double still = hardly_moves();
   const bool rounding = std::ranges::none_of(holds, [&](const DeviceHold& h) { return moves(h) && std::abs(state_.v[h.v]) > still; });
   const Sums before = sums();
   for (const DeviceHold& h : holds)
@@ -99,28 +106,27 @@ void Simulation::hold_again(const DeviceHold& h) {
   state_.v[h.v] = 0.0;
   changed();
   observe();
-  device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
+  start_device(h.device);
   changed();
 }
 
 /// What slows down alike beside what has just begun to hold, and has hardly a rate left, holds with it: which of them comes to rest first
 /// is not known, and the first one held would throw the others back. Accelerations are those of before.
 void Simulation::hold_what_rests_beside(std::span<const int> crossed) {
-  const double still = std::max(kStillMoves, apart(options_.integrator)) * scale_of_rates();
-  const auto device = [&](const DeviceHold& h) -> const Device& { return model_->devices.all[static_cast<std::size_t>(h.device)]; };
-  const auto holds_now = [&](const DeviceHold& h) -> double& { return state_.marks[device(h).mark]; };
+  const double still = hardly_moves();
   const auto has_crossed = [&](const DeviceHold& h) {
-    return std::ranges::any_of(crossed.subspan(static_cast<std::size_t>(device(h).root), device(h).family->n_roots),
+    const Device& device = model_->devices.all[static_cast<std::size_t>(h.device)];
+    return std::ranges::any_of(crossed.subspan(static_cast<std::size_t>(device.root), device.family->n_roots),
                                [](int side) { return side != 0; });
   };
   const auto& holds = model_->devices.holds;
   for (const DeviceHold& h : holds) {
     const auto stops_alike = [&](const DeviceHold& other) {
-      return has_crossed(other) && holds_now(other) != 0.0 && is_alike(vdot_[other.v], vdot_[h.v]);
+      return has_crossed(other) && mark_of(other) != 0.0 && is_alike(vdot_[other.v], vdot_[h.v]);
     };
-    if (holds_now(h) == 0.0 && !has_crossed(h) && std::abs(state_.v[h.v]) <= still && state_.v[h.v] * vdot_[h.v] < 0.0 &&
+    if (mark_of(h) == 0.0 && !has_crossed(h) && std::abs(state_.v[h.v]) <= still && state_.v[h.v] * vdot_[h.v] < 0.0 &&
         std::ranges::any_of(holds, stops_alike))
-      holds_now(h) = 1.0, changed();
+      mark_of(h) = 1.0, changed();
   }
 }
 
@@ -129,11 +135,9 @@ bool Simulation::hold_what_is_blocked(const std::vector<int>& let_go) {
   bool any = false;
   for (std::size_t i = 0; i < let_go.size(); ++i) {
     const DeviceHold& h = model_->devices.holds[i];
-    if (let_go[i] != 0 || model_->prescribed[static_cast<std::size_t>(h.v)] != 0 ||
-        !holding_->is_blocked_by_others(i, state_.q.data(), holds_.drives.data()))
-      continue;
+    if (let_go[i] != 0 || is_held(h) || !holding_->is_blocked_by_others(i, state_.q.data(), holds_.drives.data())) continue;
     hold_again(h);
-    any = any || model_->prescribed[static_cast<std::size_t>(h.v)] != 0;
+    any = any || is_held(h);
   }
   return any;
 }
@@ -157,10 +161,10 @@ void Simulation::start_holds() {
   if (!std::exchange(holds_.begin_anew, false) || !begun_ || holds.empty()) return;
   stop_rounding();
   for (const DeviceHold& h : holds)
-    if (state_.v[h.v] != 0.0) state_.marks[model_->devices.all[static_cast<std::size_t>(h.device)].mark] = 0.0;
+    if (state_.v[h.v] != 0.0) mark_of(h) = 0.0;
   changed();
   observe();
-  for (const DeviceHold& h : holds) device_event(h.device, model_->devices.all[static_cast<std::size_t>(h.device)].family->n_roots, 0);
+  for (const DeviceHold& h : holds) start_device(h.device);
   changed();
 }
 
@@ -178,10 +182,8 @@ void Simulation::settle_holds(std::vector<int>& let_go) {
   const auto& holds = model_->devices.holds;
   for (std::size_t pass = 0; holding_ && pass <= kRounds * holds.size(); ++pass) {
     if (!anything_is_held() && std::ranges::all_of(let_go, [](int way) { return way == 0; })) return;
-    if (!loops_) stop_what_is_held();  // with loops once it is known to hold: others may move on
-    holds_.x.resize(x_given_.size());
-    pack(holds_.x.data());
-    if (!look_at_holds(state_.t, holds_.x.data())) return;  // told where the dynamics come upon it
+    if (!loops_) stop_what_is_held();                // with loops once it is known to hold: others may move on
+    if (!look_at_holds(state_.t, packed())) return;  // told where the dynamics come upon it
     const auto& forces = holding_->forces();
     const auto is_loose = [&](std::size_t i) { return overload(forces[i]) > kLoose; };
     const auto is_pushed_along = [&](std::size_t i) { return let_go[i] * forces[i].acceleration < 0.0; };
@@ -214,9 +216,7 @@ bool Simulation::hold_events(std::span<const int> crossed) {
   for (std::size_t i = 0; holding_ && i < model_->devices.holds.size(); ++i) {
     if (crossed[static_cast<std::size_t>(model_->devices.n_roots) + i] >= 0) continue;
     any = true;
-    holds_.x.resize(x_given_.size());
-    pack(holds_.x.data());
-    if (!look_at_holds(state_.t, holds_.x.data())) continue;
+    if (!look_at_holds(state_.t, packed())) continue;
     const auto& forces = holding_->forces();
     for (std::size_t j = 0; forces[i].held && j < forces.size(); ++j)
       if (j == i || is_loaded_alike(forces[i], forces[j])) break_away(j, way_of(forces[j]));

@@ -19,9 +19,8 @@ void Simulation::roots_of_devices() {
   const std::size_t from = passing_.size();
   observe();  // what inputs are given
   passing_.resize(from + static_cast<std::size_t>(n_roots()) - events_.size() - limits_.size());
-  holds_.x.resize(x_given_.size());
-  pack(holds_.x.data());
-  const bool known = unless_thrown([&] { device_roots(state_.t, holds_.x.data(), passing_.data() + from); });
+  const double* x = packed();
+  const bool known = unless_thrown([&] { device_roots(state_.t, x, passing_.data() + from); });
   passing_.resize(from + (known ? static_cast<std::size_t>(model_->devices.n_roots) : 0));
   if (!known) fail(explain({}));
 }

@@ -288,6 +288,13 @@ void Simulation::pack(double* x) const {
   std::copy_n(state_.z.data(), model_->devices.n_z, x);
 }
 
+/// [q; v; z] of the present state.
+const double* Simulation::packed() {
+  x_now_.resize(x_given_.size());
+  pack(x_now_.data());
+  return x_now_.data();
+}
+
 void Simulation::unpack(const double* x) {
   std::copy_n(x, model_->nq, state_.q.data());
   std::copy_n(x + model_->nq, model_->nv, state_.v.data());

@@ -285,6 +285,7 @@ class Simulation {
   bool evaluate(double t, double since, const double* x, double* vdot);
   bool evaluate_twin(const double* x, double* vdot);
   void pack(double* x) const;
+  const double* packed();
   void unpack(const double* x);
   /// The largest rate [rad/s, m/s], at least 1: what is far less is rounding.
   double scale_of_rates() const;
@@ -324,11 +325,15 @@ class Simulation {
   void motion_of_mounts(const Device& d, std::vector<cardan_mount_motion>& all);
   void feel_jump();
   void device_happens(int device, std::uint32_t root, int side);
+  void start_device(int device);
   void start_devices(std::span<const int> but = {});
   Inputs hold_inputs(double t, const double* x);
   bool look_at_holds(double t, const double* x);
   void hold_roots(double t, const double* x, double* g);
+  bool is_held(const DeviceHold& h) const;
   bool anything_is_held() const;
+  double& mark_of(const DeviceHold& h);
+  double hardly_moves() const;
   bool is_thrown_on(const DeviceHold& h) const;
   void break_away(std::size_t hold, int direction);
   void stop_what_is_held();
@@ -537,7 +542,7 @@ class Simulation {
   bool struck_by_loops_ = false;                  // the rate of one has jumped, which the vehicle has still to follow
   Inputs acting_;                                 // of the method `ida`, as act() left them
   std::vector<double> tau_, tau_total_;           // of actuators; with springs and dampers, which evaluate() sets where they act
-  std::vector<double> vdot_given_, x_;
+  std::vector<double> vdot_given_, x_, x_now_;    // x_now_: of packed()
   /// Of closed loops: states of one smooth stretch of motion that were reached, the newest first, with their smallest pivots, which fall.
   struct Trail {
     struct Reached {
@@ -549,12 +554,12 @@ class Simulation {
     void add(double t, double pivot, const std::vector<double>& x);
   } trail_;
   struct {
-    bool begin_anew = false;           // at settle_holds(): rates were set, or what loads them was commanded for the first time
-    std::vector<double> tau, vdot, x;  // scratch
-    std::vector<LoopDrive> drives;     // likewise
-    std::vector<int> let_go;           // likewise
-  } holds_;                            // Devices::holds in a run
-  std::vector<double> passing_;        // roots of devices before the jumps that are under way, those of the innermost last
+    bool begin_anew = false;        // at settle_holds(): rates were set, or what loads them was commanded for the first time
+    std::vector<double> tau, vdot;  // scratch
+    std::vector<LoopDrive> drives;  // likewise
+    std::vector<int> let_go;        // likewise
+  } holds_;                         // Devices::holds in a run
+  std::vector<double> passing_;     // roots of devices before the jumps that are under way, those of the innermost last
   struct {
     int depth = 0;  // jumps within jumps
     struct Device {
