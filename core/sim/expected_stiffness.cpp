@@ -45,19 +45,24 @@ Warnings expected_stiffness(const std::shared_ptr<const Model>& model, const dou
                             double span) {
   Warnings out;
   if (is_implicit(options.method) || advances_linear_part(options.method)) return out;
-  const FastestMotion fastest = fastest_motion(model, q);
-  if (fastest.rate <= 0.0) return out;
+  const FastestMotions both = fastest_motions(model, q);
   const Stability stable = stability_of(options.method);
-  const double h = (fastest.decays ? stable.decay : stable.swing) / fastest.rate, steps = span / h;
+  const auto longest_step = [&](const FastestMotion& of) { return (of.decays ? stable.decay : stable.swing) / of.rate; };
+  const auto many = [](const FastestMotion& of) { return of.decays ? kManyDecaying : kManySwinging; };
+  const bool equal_steps = options.fixed_step > 0.0;
+  // The one that asks for more than the other: the slower one may.
+  const double share = equal_steps ? 1.0 : many(both.decays) / many(both.swings);
+  const FastestMotion& fastest = longest_step(both.decays) * share < longest_step(both.swings) ? both.decays : both.swings;
+  if (fastest.rate <= 0.0) return out;
+  const double h = longest_step(fastest), steps = span / h;
   const std::string cause = fastest.decays ? fmt::format("{} decays at {:.3g} 1/s", fastest.what, fastest.rate)
                                            : fmt::format("{} swings at {:.3g} Hz", fastest.what, fastest.rate / (2.0 * std::numbers::pi));
-  const bool equal_steps = options.fixed_step > 0.0;
   if (equal_steps && std::min(options.fixed_step, interval) > h)
     out.add(Code::stiff_scene, {"integrator.step", {}},
             fmt::format("{}: {} {} with steps above {:.3g} s", cause, options.method,
                         options.method.starts_with("variational") ? "does not solve its equations" : "is unstable", h),
             fmt::format("a step of {:.2g} s at most, or {}", rounded_down(h), kStiffHint));
-  else if (!equal_steps && steps > (fastest.decays ? kManyDecaying : kManySwinging))
+  else if (!equal_steps && steps > many(fastest))
     out.add(Code::stiff_scene, {"integrator.method", {}},
             fmt::format("{}: {} must take steps of {:.2g} s, {:.1e} of them to the end", cause, options.method, h, steps),
             fastest.decays ? kStiffHint : kFollowed);

@@ -45,9 +45,9 @@ std::string owner(const Model& m, int v, bool damping) {
 
 }  // namespace
 
-FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q) {
+FastestMotions fastest_motions(std::shared_ptr<const Model> model, const double* q) {
   const Model& m = *model;
-  FastestMotion fastest;
+  FastestMotions fastest;
   bool any = !m.loads.empty();
   for (const SweepBody& b : m.bodies) any = any || b.n_modes > 0;
   if (!any) return fastest;
@@ -90,11 +90,11 @@ FastestMotion fastest_motion(std::shared_ptr<const Model> model, const double* q
       x = y / y.norm();
     }
     const double rate = damping ? value : std::sqrt(value);
-    if (!(rate > fastest.rate)) continue;
+    if (!(rate > 0.0)) continue;
     forces(m, q, damping, x, f);
     Eigen::Index largest = 0;
     x.cwiseProduct(f).maxCoeff(&largest);
-    fastest = {rate, damping, owner(m, static_cast<int>(largest), damping)};
+    (damping ? fastest.decays : fastest.swings) = {rate, damping, owner(m, static_cast<int>(largest), damping)};
   }
   return fastest;
 }

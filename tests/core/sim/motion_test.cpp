@@ -5,6 +5,7 @@
 #include <cmath>
 
 #include "core/linalg/dense.hpp"
+#include "core/sim/expected_stiffness.hpp"
 #include "core/sim/fastest_motion.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/support/builders.hpp"
@@ -486,6 +487,26 @@ TEST(FastestMotion, IsThatOfTheSpringOrTheDamper) {
   EXPECT_NEAR(decays.rate, 100.0, 1e-9);
   EXPECT_TRUE(decays.decays);
   EXPECT_EQ(decays.what.find("the damper of bar."), 0u) << decays.what;
+}
+
+/// Of a damper at 281 1/s beside a mode at 282 rad/s it is the slower one that rk4 with steps of 10 ms does not stand (2.785 and 2.828
+/// times 100): 1 / 281 of a turn became 1e13, and nothing was told of.
+TEST(FastestMotion, ASlowerOneThatAsksForShorterStepsIsToldOf) {
+  SystemSpec spec = sprung_bar(0.0, 2.0 * 281.0);
+  spec.bodies[0].hinge.v = {1.0};
+  spec.bodies.push_back(sprung_bar(2.0 * 282.0 * 282.0, 0.0).bodies[0]);
+  spec.bodies[1].name = "other", spec.bodies[1].hinge.q = {0.0};
+  const auto model = compiled(spec);
+  Simulation sim(model, by("rk4", 1e-9, 0.01));
+  sim.run(10.0);
+  EXPECT_GT(std::abs(sim.state().q[0]), 1e3);
+  ASSERT_EQ(sim.warnings().all().size(), 1u);
+  EXPECT_EQ(sim.warnings().all()[0].what.code, Code::stiff_scene);
+  EXPECT_NE(sim.warnings().all()[0].what.about.find("the damper of bar."), std::string::npos) << sim.warnings().all()[0].what.about;
+  // A million steps for what decays are many, for what swings they are not.
+  const Warnings adaptive = expected_stiffness(model, model->initial_state().q.data(), by("dopri5", 1e-9).integrator, 1.0, 1.3e4);
+  ASSERT_EQ(adaptive.all().size(), 1u);
+  EXPECT_NE(adaptive.all()[0].what.about.find("the damper of bar."), std::string::npos) << adaptive.all()[0].what.about;
 }
 
 TEST(FastestMotion, IsThatOfTheModesOrTheirDamping) {
