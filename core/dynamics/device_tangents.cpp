@@ -297,6 +297,29 @@ void DeviceTangents::add_flows(const soa::Inputs<Tangent>& in) {
   }
 }
 
+void DeviceTangents::add_at_hinges(double* stiffness, double* damping) {
+  std::ranges::fill(motions_, cardan_mount_motion{});
+  std::ranges::fill(in_, 0.0);
+  for (std::size_t k = 0; k < model_.devices.all.size(); ++k) {
+    const Device& d = model_.devices.all[k];
+    if (!d.family->tangent || d.family->n_states > 0) continue;
+    for (std::size_t i = 0; i < d.mounts.size(); ++i) {
+      const DeviceMount& m = d.mounts[i];
+      if (m.node >= 0 || m.v < 0 || m.still || (m.use & CARDAN_USE_LOAD) == 0) continue;
+      cardan_mount_motion& moves = motions_[d.mount + i];
+      const auto response = [&](double& with) {
+        with = 1.0;
+        const bool known = differentiate(static_cast<int>(k));
+        with = 0.0;
+        return known ? -loads_[d.mount + i].tau : 0.0;
+      };
+      if (m.q >= 0) stiffness[m.v] += response(moves.q);
+      damping[m.v] += response(moves.v);
+    }
+  }
+  fault_of_ = -1;
+}
+
 void DeviceTangents::state_matrix(int index, double* J) {
   const Device& d = model_.devices.all[index];
   const auto n = d.family->n_states;

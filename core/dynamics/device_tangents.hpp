@@ -33,6 +33,10 @@ class DeviceTangents : public StateLoads<soa::Tangent> {
   /// Something said false as a device has no derivative where it is: which.
   bool failed() const { return fault_of_ >= 0; }
   NumericsError fault() const;
+  /// -d tau/dq and -d tau/dv of what devices push with at hinges [N m/rad, N m s/rad; N/m, N s/m], added per velocity component: by the
+  /// motion of that component alone. Of devices that tell their tangent, as others would be asked some twenty times, and have no states:
+  /// what these hold back is another force a moment later.
+  void add_at_hinges(double* stiffness, double* damping);
   /// dz'/dz of one device with its mounts and inputs held, n x n, column-major.
   void state_matrix(int device, double* J);
 

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <limits>
 
 #include "core/dynamics/hinge_laws.hpp"
@@ -13,9 +14,10 @@ namespace {
 using Eigen::MatrixXd;
 using Eigen::VectorXd;
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
-constexpr std::size_t kSteps = 8;     // lengths of steps that are kept
-constexpr double kNutation = 0.05;    // [rad/s] momentum of a rotor over the moment of inertia of its carrier, from which on it is fast
-constexpr double kOtherSpeed = 0.05;  // of its speed, after which a fast one is frozen anew
+constexpr std::size_t kSteps = 8;      // lengths of steps that are kept
+constexpr double kNutation = 0.05;     // [rad/s] momentum of a rotor over the moment of inertia of its carrier, from which on it is fast
+constexpr double kOtherSpeed = 0.05;   // of its speed, after which a fast one is frozen anew
+constexpr double kOtherTangent = 0.1;  // of the stiffness or damping of what acts at a hinge, likewise
 
 MatrixXd full(const Stream& of, int m, bool diagonal) {
   if (diagonal) return VectorXd::Map(of.data(), m).asDiagonal();
@@ -89,9 +91,32 @@ void FrozenVehicle::make_modes(Body& b, const FlexibleBody& f) const {
 
 bool FrozenVehicle::holds_others() const { return held_ != model_->prescribed; }
 
-void FrozenVehicle::freeze(const double* at_q, const double* at_v) {
+void FrozenVehicle::freeze(const double* at_q, const double* at_v, const AtHinges* devices) {
   held_ = model_->prescribed;
+  look_at_hinges(at_q, at_v, devices);
+  std::swap(beside_, now_);
   freeze_held(at_q, at_v);
+}
+
+/// What drives away is left out: the vehicle that is frozen gains no energy.
+void FrozenVehicle::look_at_hinges(const double* q, const double* v, const AtHinges* devices) {
+  const auto none = [&](std::vector<double>& x) { x.assign(static_cast<std::size_t>(model_->nv), 0.0); };
+  none(now_.stiffness), none(now_.damping);
+  if (devices) now_ = *devices;
+  for (const HingeLoad& load : model_->loads) {
+    if (load.law == HingeLaw::spring) continue;
+    const hinge_laws::Linear linear = hinge_laws::linear(load, q[load.q], v[load.v]);
+    now_.stiffness[static_cast<std::size_t>(load.v)] += linear.stiffness, now_.damping[static_cast<std::size_t>(load.v)] += linear.damping;
+  }
+  for (std::vector<double>* all : {&now_.stiffness, &now_.damping})
+    for (double& x : *all) x = x > 0.0 && std::isfinite(x) ? x : 0.0;
+}
+
+bool FrozenVehicle::stiffened(const double* q, const double* v, const AtHinges* devices) {
+  look_at_hinges(q, v, devices);
+  const auto other = [](double now, double then) { return std::abs(now - then) > kOtherTangent * std::max(now, then); };
+  return !std::ranges::equal(now_.stiffness, beside_.stiffness, std::not_fn(other)) ||
+         !std::ranges::equal(now_.damping, beside_.damping, std::not_fn(other));
 }
 
 void FrozenVehicle::freeze_held(const double* at_q, const double* at_v) {
@@ -142,6 +167,11 @@ void FrozenVehicle::freeze_held(const double* at_q, const double* at_v) {
           const int j = b.column[static_cast<std::size_t>(r)] - o.nh, k = b.column[static_cast<std::size_t>(c)] - o.nh;
           if (j >= 0 && k >= 0) b.K(r, c) += K(j, k), b.C(r, c) += C(j, k);
         }
+    }
+    for (Eigen::Index c = 0; c < n; ++c) {
+      const auto v = static_cast<std::size_t>(b.v[static_cast<std::size_t>(c)]);
+      if (b.y[static_cast<std::size_t>(c)] >= 0) b.K(c, c) += beside_.stiffness[v];
+      b.C(c, c) += beside_.damping[v];
     }
     if (b.rotor >= 0) spin(b, block, at_v[b.rotor]);
     b.wide = b.wide_inside || !b.K.isZero(0.0) || !b.C.isZero(0.0);
@@ -262,11 +292,14 @@ void FrozenVehicle::remember(Archive& archive) {
   std::vector<long> used;
   for (const Step& s : steps_) h.push_back(s.h), used.push_back(s.used);
   std::vector<std::uint8_t> held = held_;
-  archive(at, held, h, used, used_);
+  AtHinges beside = beside_;
+  archive(at, held, beside.stiffness, beside.damping, h, used, used_);
   if (!archive.reading()) return;
   const auto all = static_cast<std::size_t>(model_->nq + model_->nv), rates = static_cast<std::size_t>(model_->nv);
-  if ((!at.empty() && at.size() != all) || (!held.empty() && held.size() != rates) || h.size() > kSteps || used.size() != h.size())
+  if ((!at.empty() && at.size() != all) || (!held.empty() && held.size() != rates) ||
+      (!at.empty() && (beside.stiffness.size() != rates || beside.damping.size() != rates)) || h.size() > kSteps || used.size() != h.size())
     archive.wrong("it is of another model");
+  beside_ = std::move(beside);
   held_ = held;  // what is held at this instant may be other components: then it is frozen anew
   if (!at.empty()) freeze_held(at.data(), at.data() + model_->nq);
   steps_.clear();

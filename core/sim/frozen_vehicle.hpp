@@ -20,8 +20,14 @@ class FrozenVehicle {
   /// `gyroscopic`: C has the moments that turn with what carries fast rotors, at the speeds that these have where it is frozen.
   explicit FrozenVehicle(std::shared_ptr<const Model> model, bool gyroscopic = false);
 
-  /// M, C, K from now on at (q, v). NumericsError where the model has no configuration there.
-  void freeze(const double* q, const double* v);
+  /// What acts at hinges beside springs, by its tangent: stiffness and damping per velocity component, nv numbers each.
+  struct AtHinges {
+    std::vector<double> stiffness, damping;
+  };
+  /// M, C, K from now on at (q, v). `devices`: of what they push with there. NumericsError where the model has no configuration there.
+  void freeze(const double* q, const double* v, const AtHinges* devices = nullptr);
+  /// Whether K or C of stops, friction and devices are others at (q, v) than where it is frozen, so that it matters.
+  bool stiffened(const double* q, const double* v, const AtHinges* devices);
   /// The q where it is frozen; null: nowhere yet. Other components may be held now.
   const double* where() const { return at_.empty() ? nullptr : at_.data(); }
   bool holds_others() const;
@@ -89,6 +95,7 @@ class FrozenVehicle {
   };
   void make_modes(Body& b, const FlexibleBody& f) const;
   void freeze_held(const double* q, const double* v);
+  void look_at_hinges(const double* q, const double* v, const AtHinges* devices);
   void spin(Body& b, int block, double speed);
   /// V_ from rates of coordinates.
   void move(const double* u) const;
@@ -103,6 +110,7 @@ class FrozenVehicle {
   std::vector<Body> bodies_;  // inboard before outboard, in the order of tree_
   std::vector<std::uint8_t> held_;
   std::vector<double> at_;  // q and v where it is frozen; empty: it is not yet
+  AtHinges beside_, now_;   // springs, where it is frozen and where it was looked at last
   double fastest_ = 0.0, rounding_ = 0.0;
   int n_modes_ = 0;        // in closed form
   bool spinning_ = false;  // a rotor counts

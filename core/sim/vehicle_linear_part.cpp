@@ -55,13 +55,17 @@ std::string VehicleLinearPart::refusal(const Model& model) {
   return {};
 }
 
-VehicleLinearPart::VehicleLinearPart(std::shared_ptr<const Model> model, const std::string& method)
+VehicleLinearPart::VehicleLinearPart(std::shared_ptr<const Model> model, const std::string& method, const DeviceForces* devices)
     : model_(honoured(std::move(model), method)),
       frozen_(model_, method == "multirate"),
       nq_(model_->nq),
       nv_(model_->nv),
       nz_(model_->devices.n_z) {
   const Model& m = *model_;
+  const auto pushes_at_hinge = [](const Device& d) {
+    return d.family->tangent && d.family->n_states == 0 && std::ranges::any_of(d.mounts, [](const DeviceMount& at) { return at.v >= 0; });
+  };
+  if (devices && std::ranges::any_of(m.devices.all, pushes_at_hinge)) devices_ = std::make_unique<DeviceTangents>(m, *devices);
   matters_.assign(static_cast<std::size_t>(nv_), 0);
   for (const UserBody& u : m.user) {
     if (u.nv == 0 || m.bodies[static_cast<std::size_t>(u.sweep)].kind == BodyKernel::rotor) continue;
@@ -98,8 +102,15 @@ void VehicleLinearPart::centre(double t, const double* x) {
   std::copy_n(x, x_.size(), x_.begin());
   frozen_.set_rounding(8.0 * std::numeric_limits<double>::epsilon() * std::abs(t));
   ++since_;
-  if (!frozen_.where() || frozen_.holds_others() || (!model_->varies.empty() && since_ > kVarying) || moved(x) || frozen_.spun(x + nq_))
-    frozen_.freeze(x, x + nq_), since_ = 0;
+  const double *q = x, *v = x + nq_;
+  if (devices_) {
+    for (std::vector<double>* all : {&at_hinges_.stiffness, &at_hinges_.damping}) all->assign(static_cast<std::size_t>(nv_), 0.0);
+    devices_->add_at_hinges(at_hinges_.stiffness.data(), at_hinges_.damping.data());
+  }
+  const FrozenVehicle::AtHinges* at_hinges = devices_ ? &at_hinges_ : nullptr;
+  if (!frozen_.where() || frozen_.holds_others() || (!model_->varies.empty() && since_ > kVarying) || moved(q) || frozen_.spun(v) ||
+      frozen_.stiffened(q, v, at_hinges))
+    frozen_.freeze(q, v, at_hinges), since_ = 0;
 }
 
 void VehicleLinearPart::residual(const double* x, const double* xdot, double* r) const {

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/dynamics/device_tangents.hpp"
 #include "core/sim/frozen_vehicle.hpp"
 #include "core/time/integrator.hpp"
 
@@ -17,7 +18,8 @@ class VehicleLinearPart final : public LinearPart {
  public:
   /// Of `exponential` what swings and is damped, of `multirate` gyroscopic moments of fast rotors too. InputError C0401, with the name of
   /// the method, where a hinge whose coordinates are no integrals of its velocities is given a motion, or the vehicle has closed loops.
-  VehicleLinearPart(std::shared_ptr<const Model> model, const std::string& method);
+  /// `devices`: at the state that centre() is told they have been evaluated; null: there are none.
+  VehicleLinearPart(std::shared_ptr<const Model> model, const std::string& method, const DeviceForces* devices = nullptr);
 
   /// What of the model these methods do not take, "closed loops"; empty: it takes all.
   static std::string refusal(const Model& model);
@@ -51,6 +53,8 @@ class VehicleLinearPart final : public LinearPart {
 
   std::shared_ptr<const Model> model_;
   FrozenVehicle frozen_;
+  std::unique_ptr<DeviceTangents> devices_;
+  FrozenVehicle::AtHinges at_hinges_;  // of devices
   int nq_, nv_, nz_;
   std::vector<Hinge> curved_;
   std::vector<std::uint8_t> matters_;        // per velocity component: M changes with its coordinate; 2: with its length

@@ -20,7 +20,7 @@ class LinearPart {
  public:
   virtual ~LinearPart() = default;
   virtual int size() const = 0;  // of r
-  /// Coordinates about (t, x) from now on, the start of a step; M, C, K anew where they have changed.
+  /// Coordinates about (t, x) from now on, the start of a step, where f has just been evaluated; M, C, K anew where they have changed.
   virtual void centre(double t, const double* x) = 0;
   /// r at x, where f is xdot.
   virtual void residual(const double* x, const double* xdot, double* r) const = 0;

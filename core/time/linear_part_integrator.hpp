@@ -103,6 +103,13 @@ class LinearPartIntegrator : public Integrator {
 
   /// N at (t, z) and the rates of the integrals, the `place`th.
   bool rest(double t, const Eigen::ArrayXd& z, std::size_t place, Eigen::ArrayXd& r) {
+    if (!rates(t, z, place)) return false;
+    linear_.residual(z.data(), xdot_.data(), r.data());
+    return true;
+  }
+
+  /// xdot_ at (t, z) and the rates of the integrals.
+  bool rates(double t, const Eigen::ArrayXd& z, std::size_t place) {
     ++statistics_.rhs_calls;
     bad_ = -1;
     const bool known = problem_.rhs(t, z.data(), xdot_.data());
@@ -111,7 +118,6 @@ class LinearPartIntegrator : public Integrator {
       ++statistics_.integrand_calls;
       problem_.integrands(t, z.data(), g_[place].data());
     }
-    linear_.residual(z.data(), xdot_.data(), r.data());
     return true;
   }
 
@@ -148,9 +154,10 @@ class LinearPartIntegrator : public Integrator {
     y0_ = y1_;
     t0_ = t1_;
     z0_.swap(z1_);
-    linear_.centre(t0_, z0_.data());
-    if (!rest(t0_, z0_, 0, r_n_))
+    if (!rates(t0_, z0_, 0))
       fail_integration(Code::integrator_failed, t0_, bad_ < 0 ? "the right-hand side cannot be evaluated at the start" : trouble(), {});
+    linear_.centre(t0_, z0_.data());
+    linear_.residual(z0_.data(), xdot_.data(), r_n_.data());
     linear_.sizes(z0_.data(), size_.data());
   }
 
