@@ -7,6 +7,7 @@
 #include "core/io/checkpoint_text.hpp"
 #include "core/io/range_recorder.hpp"
 #include "scripts/bindings/open.hpp"
+#include "scripts/mission/examine.hpp"
 #include "scripts/mission/mission_run.hpp"
 #include "scripts/mission/run_again.hpp"
 #include "scripts/mission/workbench.hpp"
