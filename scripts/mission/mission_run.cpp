@@ -241,6 +241,13 @@ Warnings MissionRun::never_happened() const {
     if (const ScriptEvent& e = s_.events[i]; e.once && happened_[i] == 0)
       found.add(Code::no_effect, {fmt::format("event \"{}\"", e.name), {s_.file.string(), 0, 0}},
                 "it never happened: what it would have done was not done");
+  for (const auto& signal : s_.signals) {
+    const std::string path = "signals." + signal->channel.path;
+    const auto told = [&](const Warning& w) { return w.what.at.key_path == path; };  // of one that was stored as nan
+    if (std::ranges::all_of(signal->values, [](double x) { return std::isnan(x); }) && std::ranges::none_of(s_.sim->warnings().all(), told))
+      found.add(Code::no_effect, {path, signal->declared}, "nothing stored a number: its channel is empty",
+                "a controller, a phase or an action calls what `signals` returned for it");
+  }
   return found;
 }
 

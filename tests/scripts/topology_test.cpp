@@ -379,7 +379,8 @@ check { name = "times", value = function() return m.times end, equal = { 1, tole
   EXPECT_NE(refused.err.find("true beside direction"), std::string::npos) << refused.err;
 }
 
-/// A latch that nothing came to, one that was passed too fast, and an event that is waited for in vain; what happened is not told.
+/// A latch that nothing came to, one that was passed too fast, an event that is waited for in vain and a signal that nothing stores; what
+/// happened is not told.
 TEST(Topology, WhatCaughtNothingIsToldAtTheEnd) {
   const TemporaryFolder dir;
   const char* vehicle = R"yaml(
@@ -393,8 +394,9 @@ devices:
 )yaml";
   const Finished run = mission(dir, R"lua(
 local lid = sat:hinge "guest"
+local log = signals { kept = {}, forgotten = { components = { "x", "y" } } }
 event { name = "never", once = true, direction = "rising", when = function() return lid:angle() - 5 end, action = function() end }
-event { name = "opens", once = true, direction = "rising", when = function() return lid:angle() end, action = function() end }
+event { name = "opens", once = true, direction = "rising", when = function() return lid:angle() end, action = function() log.kept(1) end }
 )lua",
                                vehicle);
   EXPECT_EQ(run.exit_code, 0) << run.err;
@@ -404,6 +406,9 @@ event { name = "opens", once = true, direction = "rising", when = function() ret
   EXPECT_EQ(told.find("slow has"), std::string::npos) << told;
   EXPECT_NE(told.find("it never happened: what it would have done was not done"), std::string::npos) << told;
   EXPECT_EQ(told.find("opens"), std::string::npos) << told;
+  EXPECT_NE(told.find("nothing stored a number: its channel is empty"), std::string::npos) << told;
+  EXPECT_NE(told.find("signals.forgotten"), std::string::npos) << told;
+  EXPECT_EQ(told.find("signals.kept"), std::string::npos) << told;
 }
 
 /// The difference of readings that are counted from two zeros is no rate.
