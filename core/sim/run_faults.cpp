@@ -159,10 +159,13 @@ void Simulation::say_stiff() {
   }
   warned_stiff_ = true;
   const double h = statistics().last_step;
+  constexpr double kExplains = 0.1;  // steps at the border of stability are about one over the fastest rate
+  const std::string why = !(fastest.rate > 0)             ? ""
+                          : fastest.rate * h >= kExplains ? fmt::format("; fastest is {}, {:.3g} 1/s", fastest.what, fastest.rate)
+                                                          : "; no mode, spring or damper is that fast: look at friction and contacts";
   warn(Code::stiff_scene, {"integrator.method", {}},
        fmt::format("stability and not accuracy sets the steps of {}, {:.2g} s: {:.1e} of them are left{}", integrator_name(), h,
-                   (t_end_ - state_.t) / h,
-                   fastest.rate > 0 ? fmt::format("; fastest is {}, {:.3g} 1/s", fastest.what, fastest.rate) : std::string()),
+                   (t_end_ - state_.t) / h, why),
        kStiffHint);
 }
 

@@ -108,6 +108,19 @@ TEST(ChooseMethod, TellsOfDevicesWhereStabilitySetsTheSteps) {
   EXPECT_NE(told.find("; fastest is what devices push with at dish.rate, 126 1/s"), std::string::npos) << told;
 }
 
+/// Where what a device damps sets the steps, its swing of 126 rad/s is not told as the reason.
+TEST(ChooseMethod, TellsNoSwingThatIsFarTooSlowForTheSteps) {
+  SystemSpec spec = with_stepper(0.0, 1);
+  spec.devices[0].params["holding_torque"] = {20.0, {}}, spec.devices[0].params["damping"] = {5e3, {}};
+  spec.bodies.back().hinge.v = {1.0};
+  SimulationOptions options;
+  options.integrator.method = "dopri5", options.integrator.relative_tolerance = 1e-3;
+  Simulation sim(compiled(spec), options);
+  sim.run(1.0);
+  const std::string told = render(sim.warnings());
+  EXPECT_NE(told.find("are left; no mode, spring or damper is that fast: look at friction and contacts"), std::string::npos) << told;
+}
+
 TEST(ChooseMethod, CountsTheStepsThatDevicesEndByThemselves) {
   for (const double rate : {100.0, -100.0}) {
     const MethodChoice c = choose_method(compiled(with_stepper(rate, 16)), 1.0, asked(1e-7));
