@@ -89,7 +89,7 @@ std::string exact_text(lua_State* L) {
 /// { ["bodies.tank.mass"] = "3 kg", ["bodies.tank.com"] = {0, 0, 0.1} } at `index`: numbers in SI. In the order of the keys, whatever the
 /// table's.
 std::map<std::string, std::string> vehicle_values(lua_State* L, int index, const char* whose) {
-  const auto wrong = [&](const char* expected = "key paths of the vehicle with a text, a number or an array of numbers each") {
+  const auto wrong = [&](const char* expected = "key paths of the vehicle with a text, a number, an array of numbers, true or false each") {
     refuse(L, Code::lua_argument, whose, expected, describe_value(L, -1), "{ [\"bodies.tank.mass\"] = \"3 kg\" }");
   };
   std::map<std::string, std::string> out;
@@ -104,6 +104,8 @@ std::map<std::string, std::string> vehicle_values(lua_State* L, int index, const
     std::string& value = out[std::string(vehicle_path(key))];
     if (lua_type(L, -1) == LUA_TSTRING || lua_type(L, -1) == LUA_TNUMBER) {
       value = exact_text(L);
+    } else if (lua_isboolean(L, -1)) {
+      value = lua_toboolean(L, -1) != 0 ? "true" : "false";
     } else if (lua_istable(L, -1) && lua_rawlen(L, -1) > 0 && count_keys(L, -1) == lua_rawlen(L, -1)) {
       const int list = lua_gettop(L);
       for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(L, list)); ++i, lua_settop(L, list)) {

@@ -402,6 +402,8 @@ TEST_F(CampaignOf, AVehicleTakesValuesOfTheScript) {
   EXPECT_EQ(summary_of(dir_ / "r")["figures"][0]["value"], 1.0 / 3.0);
   ASSERT_EQ(run_program({"run", scenario_, "--out", "r", "--quiet", "--set", "bodies.rod.mass=2"}, dir_.path()).exit_code, 0);
   EXPECT_EQ(summary_of(dir_ / "r")["figures"][0]["value"], 2.0);  // the command line comes after the script
+  use("vehicle(\"vehicle.yaml\", { [\"bodies.rod.hinge.locked\"] = true })\nmission { duration = 0.1 }");
+  EXPECT_TRUE(has(run_program({"describe", scenario_}, dir_.path()).out, "0 coordinates"));
   for (const char* values : {"{ [\"bodies.rod.mass\"] = -1 }", "{ [\"bodies.rood.mass\"] = 1 }", "{ [\"mass\"] = 1 }", "3",
                              "{ [\"bodies.rod.mass\"] = true }"}) {
     use("\n\nvehicle(\"vehicle.yaml\", " + std::string(values) + ")\nmission { duration = 0.1 }");
