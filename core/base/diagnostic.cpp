@@ -61,16 +61,16 @@ std::string place(const SourceMark& m) {
   return out + '\n';
 }
 
+/// Letters to put in, leave out or change; two neighbours that stand the wrong way round are one change.
 std::size_t edit_distance(std::string_view a, std::string_view b) {
-  std::vector<std::size_t> row(b.size() + 1);
+  std::vector<std::size_t> before(b.size() + 1), last(before), row(before);
   for (std::size_t j = 0; j <= b.size(); ++j) row[j] = j;
   for (std::size_t i = 1; i <= a.size(); ++i) {
-    std::size_t diagonal = row[0];
+    before.swap(last), last.swap(row);
     row[0] = i;
     for (std::size_t j = 1; j <= b.size(); ++j) {
-      const std::size_t up = row[j];
-      row[j] = std::min({up + 1, row[j - 1] + 1, diagonal + (a[i - 1] == b[j - 1] ? 0u : 1u)});
-      diagonal = up;
+      row[j] = std::min({last[j] + 1, row[j - 1] + 1, last[j - 1] + (a[i - 1] == b[j - 1] ? 0u : 1u)});
+      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1]) row[j] = std::min(row[j], before[j - 2] + 1);
     }
   }
   return row[b.size()];
@@ -107,13 +107,14 @@ std::string render(const std::vector<Diagnostic>& all) {
   return out;
 }
 
+/// Of less than half of the letters: else it is another word.
 std::string did_you_mean(std::string_view word, const std::vector<std::string>& legal) {
   std::string best;
   std::size_t best_distance = 3;
   for (const auto& candidate : legal) {
     if (candidate.size() + 2 < word.size()) continue;
     const std::size_t d = edit_distance(word, candidate);
-    if (d < best_distance && d < candidate.size()) {
+    if (d < best_distance && 2 * d < candidate.size()) {
       best = candidate;
       best_distance = d;
     }

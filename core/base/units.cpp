@@ -485,7 +485,7 @@ std::variant<double, QuantityFault> parse_quantity(std::string_view original, st
     std::string hint;
     Dimension without_angle = got->dimension;
     without_angle.exponents[5] = wanted.dimension.exponents[5];
-    if (without_angle == wanted.dimension) hint = "an angle counts as a unit here: rad, deg or rev";
+    if (without_angle == wanted.dimension && wanted.dimension != Dimension{}) hint = "an angle counts as a unit here: rad, deg or rev";
     return QuantityFault{Code::wrong_unit, expected, fmt::format("{}: {}", in_quotes(trimmed(original)), describe(got->dimension)), hint};
   }
   const double value = number->value * got->factor;

@@ -108,7 +108,7 @@ void check_options(const IntegratorOptions& options) {
     refuse(Code::unsupported, "step", fmt::format("a step in seconds, which {} needs", method.name), "nothing");
   const double relative = options.relative_tolerance, least = method.make == make_extended ? 1e-30 : 1e-14;
   if (method.adaptive && !(relative >= least && relative < 1.0))
-    refuse(Code::out_of_range, "relative", fmt::format("a number from {:g} to 1", least), fmt::format("{:g}", relative));
+    refuse(Code::out_of_range, "relative", fmt::format("a number from {:g} on, below 1", least), fmt::format("{:g}", relative));
 }
 
 std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const IntegratorOptions& options) {

@@ -153,7 +153,8 @@ int store(lua_State* L) {
   const auto n = static_cast<int>(signal.values.size());
   if (lua_gettop(L) != n)
     refuse(L, Code::lua_argument, signal.channel.path, fmt::format("{} number{}", n, n == 1 ? "" : "s"),
-           fmt::format("{} values", lua_gettop(L)));
+           lua_gettop(L) == 1 ? describe_value(L, 1) : fmt::format("{} values", lua_gettop(L)),
+           lua_istable(L, 1) ? "numbers one by one: store(table.unpack(x))" : "");
   for (int i = 1; i <= n; ++i) {
     if (lua_type(L, i) != LUA_TNUMBER) refuse(L, Code::lua_argument, signal.channel.path, "a number", describe_value(L, i));
     const double x = lua_tonumber(L, i);
@@ -201,10 +202,9 @@ int signals(lua_State* L, Scenario& s) {
     signal->declared = LuaHost::caller(L);
     Channel& c = signal->channel;
     c.path = path;
-    if (!is_channel_path(path)) {
-      all.reject(path, "a name of letters, digits, `_`, `-`, with `/` between folders: pointing/error");
-      continue;
-    }
+    if (!is_channel_path(path))
+      refuse(L, Code::lua_argument, "signals", "a name of letters, digits, `_`, `-`, with `/` between folders: pointing/error",
+             in_quotes(path));
     auto t = all.table(path);
     if (!t) continue;
     c.unit = t->text("unit").value_or("1");

@@ -51,8 +51,11 @@ Place place(lua_State* L, const Handle& h, std::initializer_list<Place::What> of
       if (wanted == v.name) return found(v.first, static_cast<int>(v.suffixes.size()));
     }
   }
+  std::vector<std::string> once;  // a state has the name of the output that tells it
+  for (const std::string& name : names)
+    if (std::ranges::find(once, name) == once.end()) once.push_back(name);
   refuse(L, Code::unknown_name, "device " + d.name,
-         names.empty() ? fmt::format("nothing: a {} has no such numbers", d.family->type) : fmt::format("one of: {}", listed(names)),
+         names.empty() ? fmt::format("nothing: a {} has no such numbers", d.family->type) : fmt::format("one of: {}", listed(once)),
          lua_type(L, arg) == LUA_TSTRING ? in_quotes(wanted) : describe_value(L, arg), did_you_mean(wanted, names));
 }
 

@@ -106,9 +106,11 @@ TEST(Diagnostics, EndWithTheirCount) {
 TEST(DidYouMean, FindsTheNearestWithinTwoEdits) {
   const std::vector<std::string> legal = {"prismatic", "revolute", "ball", "free"};
   EXPECT_EQ(did_you_mean("revolut", legal), "did you mean \"revolute\"?");
-  EXPECT_EQ(did_you_mean("fere", legal), "did you mean \"free\"?");
+  EXPECT_EQ(did_you_mean("fere", legal), "did you mean \"free\"?") << "two letters the wrong way round are one change";
   EXPECT_EQ(did_you_mean("revo", legal), "");
   EXPECT_EQ(did_you_mean(std::string(1000000, 'x'), legal), "");
+  EXPECT_EQ(did_you_mean("gain", {"wait"}), "") << "two of four letters are another word";
+  EXPECT_EQ(did_you_mean("base", {"bus"}), "");
   EXPECT_EQ(did_you_mean("xy", {"m"}), "") << "a word that shares nothing is no suggestion";
 }
 
