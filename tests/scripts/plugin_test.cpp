@@ -398,6 +398,29 @@ TEST(PluginParameters, AreNumbersInTheirRangesChoicesAndFiles) {
             "  plugin        p.so\n");
 }
 
+// ---- docs/extending/device.md ----
+
+/// A mass at 3 m/s on the honeycomb of the page, without weight: half of m v^2 is crushed but for what springs back, F^2 / 2k.
+TEST(PluginDevices, InCAreAsPrinted) {
+  const TemporaryFolder dir;
+  fs::copy(kPlugins + "crush.so", dir / "p.so");
+  const Finished check = run_program({"check-plugin", "p.so"}, dir.path());
+  EXPECT_EQ(check.out, "ok    device acme/crush: a honeycomb that a strut crushes\n") << check.err;
+  write(dir / "vehicle.yaml",
+        "cardan: 1\nbodies:\n  strut: {mass: 50, inertia: [1, 1, 1], hinge: {type: prismatic, axis: [0, 0, 1], to: world, initial: {rate: "
+        "-3}}}\n"
+        "devices:\n  honeycomb: {type: acme/crush, at: strut, stiffness: 400 kN/m, crush_force: 0.9 kN}\n");
+  write(dir / "scenario.lua",
+        "plugin 'p.so' local sat = vehicle 'vehicle.yaml' mission { duration = 1 }\n"
+        "local hinge, core = sat:hinge 'strut', sat:device 'honeycomb'\n"
+        "check { name = 'crushed', value = function() return core:get 'crushed' end, equal = { (25 * 9 - 0.9e3 ^ 2 / 0.8e6) / 0.9e3, "
+        "tolerance = 1e-10 } }\n"
+        "check { name = 'springs back', value = function() return hinge:rate() end, equal = { 0.9e3 / math.sqrt(400e3 * 50), tolerance = "
+        "1e-9 } }\n");
+  const Finished run = run_program({"run", ".", "--quiet"}, dir.path());
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
 // ---- docs/extending/body.md ----
 
 constexpr const char* kBodies =
