@@ -66,11 +66,13 @@ double difference(Simulation& sim, TwinDynamics<T>& twin, bool& sound) {
   for (const VecX<T>& force : alone) scale = std::max(scale, largest(unit.cwiseProduct(M.solve(VecX<T>(unit.cwiseProduct(force))))));
   if (apart == 0.0) return 0.0;
   if constexpr (!std::is_same_v<T, double>) {
-    // Of a vehicle that glides all of these are zero, but the twin's velocity terms are products of velocities that cancel up to rounding.
+    // Of a vehicle that glides all of these are zero, but the twin's velocity terms are products of velocities that cancel up to rounding,
+    // and so are in double those of closed loops.
     const VecX<T> v = sim.state().v.cast<T>();
     const VecX<T> products = v.cwiseAbs().maxCoeff() * (state.M * v).cwiseAbs();
-    const double rounding = static_cast<double>(std::numeric_limits<T>::epsilon());
-    if (apart <= kRounded * rounding * largest(unit.cwiseProduct(M.solve(VecX<T>(unit.cwiseProduct(products)))))) return 0.0;
+    const double rounding = kRounded * static_cast<double>(std::numeric_limits<T>::epsilon()),
+                 in_loops = sim.model().loops.empty() ? 0.0 : kAside * std::numeric_limits<double>::epsilon();
+    if (apart <= std::max(rounding, in_loops) * largest(unit.cwiseProduct(M.solve(VecX<T>(unit.cwiseProduct(products)))))) return 0.0;
     // Of what hangs at rest gravity's force is zero, but for the rounding of attitudes times what it is across: no more than the root of
     // the diagonal of M times that of the sum of m g^2 (Cauchy-Schwarz).
     const VecX<T> across = VecX<T>::Constant(vdot.size(), sqrt(state.pull_squared));
