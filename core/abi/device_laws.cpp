@@ -268,10 +268,7 @@ class DeviceLaws {
   std::vector<double> same_again(const char* what, const Point& x, const F& f) {
     const Point handed = x;
     const std::vector<double> packed = packed_, first = f(handed);
-    const auto expect_same = [&](const std::vector<double>& numbers, const char* where) {
-      const bool same = numbers.size() == first.size() && std::memcmp(numbers.data(), first.data(), first.size() * sizeof(double)) == 0;
-      pure(what, same, where);
-    };
+    const auto expect_same = [&](const std::vector<double>& numbers, const char* where) { pure(what, same_bits(numbers, first), where); };
     f(random_point());
     expect_same(f(handed), "at the second call");
     std::vector<double> elsewhere;
@@ -370,9 +367,7 @@ class DeviceLaws {
     });
   }
 
-  static bool same(const Given& a, const Given& b) {
-    return a.code == b.code && std::memcmp(a.numbers.data(), b.numbers.data(), a.numbers.size() * sizeof(double)) == 0;
-  }
+  static bool same(const Given& a, const Given& b) { return a.code == b.code && same_bits(a.numbers, b.numbers); }
 
   void pure(const Point& x, const Given& y) {
     Point copy = x;

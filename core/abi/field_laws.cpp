@@ -195,10 +195,7 @@ class FieldLaws {
     return out;
   }
   static bool same(const Given& a, const Given& b) {
-    const auto equal = [](const std::vector<double>& x, const std::vector<double>& y) {
-      return x.size() == y.size() && (x.empty() || std::memcmp(x.data(), y.data(), x.size() * sizeof(double)) == 0);
-    };
-    return a.beyond == b.beyond && equal(a.values, b.values) && equal(a.gradients, b.gradients);
+    return a.beyond == b.beyond && same_bits(a.values, b.values) && same_bits(a.gradients, b.gradients);
   }
 
   void pure(double t, const std::vector<double>& points, const Given& all) {

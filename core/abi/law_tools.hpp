@@ -20,6 +20,11 @@
 
 namespace cardan {
 
+/// Bit for bit; an array of nothing has no address to compare at.
+inline bool same_bits(const std::vector<double>& a, const std::vector<double>& b) {
+  return a.size() == b.size() && (a.empty() || std::memcmp(a.data(), b.data(), a.size() * sizeof(double)) == 0);
+}
+
 /// The laws that are tried on a family: what broke them, each with its error, its limit and the sample; and a record of all.
 class Violations {
  public:
