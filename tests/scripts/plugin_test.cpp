@@ -16,6 +16,7 @@
 #include "core/io/hdf5_file.hpp"
 #include "core/io/sha256.hpp"
 #include "tests/scripts/run_program.hpp"
+#include "tests/support/sanitized.hpp"
 
 namespace cardan {
 namespace {
@@ -265,7 +266,9 @@ TEST(Plugins, WithMoreRatesThanSixAreToldThatAlone) {
 TEST(Plugins, MaySaySomething) {
   const PluginFolder dir;
   const Finished check = with_fault("talks", {"check-plugin", "p.so"}, dir.path());
-  EXPECT_EQ(check.err, "p.so: warning: a trial version\n");
+  const std::string said = "p.so: warning: a trial version\n";
+  // With sanitizers it is seen from the processes that try it too: they tell their findings there.
+  EXPECT_TRUE(test::sanitized ? check.err.starts_with(said) : check.err == said) << check.err;
   EXPECT_EQ(check.exit_code, 0);
 }
 
