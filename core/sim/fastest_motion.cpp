@@ -94,7 +94,8 @@ FastestMotions fastest_motions(std::shared_ptr<const Model> model, const double*
     forces(m, q, damping, x, f);
     Eigen::Index largest = 0;
     x.cwiseProduct(f).maxCoeff(&largest);
-    (damping ? fastest.decays : fastest.swings) = {rate, damping, owner(m, static_cast<int>(largest), damping)};
+    FastestMotion& found = damping ? fastest.decays : fastest.swings;
+    found = {rate, damping, owner(m, static_cast<int>(largest), damping)};
   }
   return fastest;
 }

@@ -6,7 +6,6 @@
 #include <cmath>
 
 #include "core/dynamics/forward.hpp"
-#include "core/dynamics/inverse.hpp"
 #include "core/linalg/complementarity.hpp"
 #include "core/sim/alike.hpp"
 #include "core/sim/simulation.hpp"
@@ -50,8 +49,13 @@ void Simulation::find_jump() {
   const Model& m = *model_;
   // Forward dynamics at rest, without gravity and what bends the modes: v' is then what one unit of time of these loads gives. The unit is
   // so short, a power of two, that the loads are far above the forces of the modes: their rounding would else be in the jump.
-  impulse_.rest.setZero(m.nv), impulse_.jump.resize(m.nv);
-  Eigen::VectorXd& f = impulse_.force = -elastic_force(m, state_.q.data(), impulse_.rest.data());
+  Eigen::VectorXd& f = impulse_.force;
+  f.setZero(m.nv);
+  for (const UserBody& u : m.user)
+    if (u.n_modes > 0)
+      if (const ModalData& modes = *m.flexible[static_cast<std::size_t>(m.bodies[static_cast<std::size_t>(u.sweep)].flexible)].data;
+          modes.K.size() > 0)
+        f.segment(u.etadot, u.n_modes).noalias() = modes.K * state_.q.segment(u.eta, u.n_modes);
   double loads = impulse_.hinges.lpNorm<Eigen::Infinity>();
   for (const NodeWrench& w : impulse_.wrenches)
     loads = std::max({loads, moment_of(w).lpNorm<Eigen::Infinity>(), force_of(w).lpNorm<Eigen::Infinity>()});
@@ -64,6 +68,7 @@ void Simulation::find_jump() {
   scale_wrenches(per_unit);
   // What a device holds gives way: its force has a limit, and an impulse has none.
   for (const DeviceHold& h : m.devices.holds) own_->prescribed[static_cast<std::size_t>(h.v)] = 0;
+  impulse_.rest.setZero(m.nv), impulse_.jump.resize(m.nv);
   const Inputs in{.q = state_.q.data(),
                   .v = impulse_.rest.data(),
                   .tau = f.data(),
