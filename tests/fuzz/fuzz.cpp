@@ -21,7 +21,7 @@
 namespace cardan::fuzz {
 namespace {
 
-constexpr double kSeconds = 3.0;                                  // of the default run
+constexpr double kSeconds = 2.0;                                  // of the default run
 constexpr int kMostCpu = 60;                                      // [s] of one input
 [[maybe_unused]] constexpr double kMostMemory = 6.0 * (1 << 30);  // [bytes] of the whole program
 

@@ -2,7 +2,7 @@
 // Fuzzing in this process: inputs that follow from a seed alone, in the same order each time. Each must end in success or in
 // a typed error whose JSON is valid; any other exception, a crash, more than kMostCpu of processor time or kMostMemory is a failure.
 //
-//   CARDAN_FUZZ_INPUTS=1000000   that many inputs instead of 3 s of them
+//   CARDAN_FUZZ_INPUTS=1000000   that many inputs instead of 2 s of them
 //   CARDAN_FUZZ_FIRST=1234       begin with this one: with CARDAN_FUZZ_INPUTS=1 one input again
 #include <cstdint>
 #include <functional>
@@ -33,7 +33,7 @@ class Random {
 /// Thrown by an attempt whose input could not be made. It is counted apart: nothing was tried.
 struct NotMade {};
 
-/// Runs `attempt(random, index)` for one input after another, for 3 s or as many as asked for. `attempt` makes its input from
+/// Runs `attempt(random, index)` for one input after another, for 2 s or as many as asked for. `attempt` makes its input from
 /// `random`, calls `keep` with what would show the failure again (a text, or the bytes of a file), and reads it.
 /// The failing input is written to fuzz_NAME_INDEX beside the test program.
 using Keep = std::function<void(std::string)>;
