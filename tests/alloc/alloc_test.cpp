@@ -236,7 +236,9 @@ TEST(Alloc, StepsBesideALinearPart) {
     SimulationOptions run;
     run.integrator.method = method;
     run.integrator.relative_tolerance = 1e-4;
-    Simulation sim(compiled(system({bus, boom, wheel})), run);
+    SystemSpec spec = system({bus, boom, wheel});
+    spec.devices = {device("catch", "latch", {{"max_rate", 10.0}, {"stiffness", 0.2}, {"damping", 0.1}}, {{"at", "wheel"}})};
+    Simulation sim(compiled(spec), run);
     sim.v(0) = 0.1;
     const int motor = sim.model().user[2].v;
     sim.every({1, 8}, [&] { sim.set_force(motor, 0.01 * std::cos(sim.time())); });
