@@ -63,7 +63,7 @@ void take_modes(SystemSpec& spec, const SystemSpec& made) {
 
 std::vector<std::string> make_modes(SystemSpec& spec, const ModeCache& cache) {
   DiagnosticSink sink;
-  ReadContext context{sink, spec.defaults_used};
+  ReadContext context{sink, spec.defaults_used, &spec.warnings};
   std::map<std::string, ModalSource> sources;  // by body
   for (const BodySpec& body : spec.bodies)
     if (body.modal_source && !body.modal)

@@ -6,8 +6,10 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 #include "core/base/units.hpp"
+#include "core/base/warnings.hpp"
 
 namespace cardan {
 namespace {
@@ -57,8 +59,16 @@ double read_number(const DocRef& value, std::string_view unit, ReadContext& cont
     context.sink.report(Code::wrong_type, value.at(), expected_number(unit), describe(*value.node));
     return kNaN;
   }
-  const auto result = parse_quantity(value.node->text, unit);
-  if (const double* number = std::get_if<double>(&result)) return *number;
+  const std::string& text = value.node->text;
+  const auto result = parse_quantity(text, unit);
+  if (const double* number = std::get_if<double>(&result)) {
+    const bool is_round = 2.0 * *number == std::round(2.0 * *number);  // as one types degrees
+    if (context.doubts && unit == "rad" && is_round && std::abs(*number) > 2.0 * std::numbers::pi && parse_number(text))
+      context.doubts->add(Code::unusual_value, value.at(),
+                          fmt::format("{0} without a unit is {0} rad, {1:.3g} turns", text, *number / (2.0 * std::numbers::pi)),
+                          fmt::format(R"("{0} deg", or "{0} rad" where that is meant)", text));
+    return *number;
+  }
   const auto& fault = std::get<QuantityFault>(result);
   context.sink.report(fault.code, value.at(), fault.expected, fault.got, fault.hint);
   return kNaN;

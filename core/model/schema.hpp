@@ -14,10 +14,13 @@
 
 namespace cardan {
 
-/// Where faults go, and the list of defaults that were used (key path, value).
+class Warnings;
+
+/// Where faults go, the list of defaults that were used (key path, value), and, where it is wanted, what is legal but hardly meant.
 struct ReadContext {
   DiagnosticSink& sink;
   std::vector<std::pair<std::string, std::string>>& defaults_used;
+  Warnings* doubts = nullptr;
 };
 
 /// A value of the document and the path of its key.
@@ -36,7 +39,8 @@ std::string expected_number(std::string_view unit);
 /// "a, b or c"
 std::string one_of(const std::vector<std::string>& names);
 
-/// A number with a unit that converts to `unit` (core/base/units.hpp), in SI. NaN after a fault.
+/// A number with a unit that converts to `unit` (core/base/units.hpp), in SI. NaN after a fault. Whole and half numbers above a
+/// turn that are an angle without a unit are doubted (W0302).
 double read_number(const DocRef& value, std::string_view unit, ReadContext& context);
 /// A list of `count` numbers (0: any number of them); empty after a fault of the list itself.
 std::vector<double> read_numbers(const DocRef& value, std::string_view unit, std::size_t count, ReadContext& context);

@@ -64,7 +64,7 @@ std::vector<std::pair<std::string, DocRef>> named_items(const DocRef& map, ReadC
 class VehicleReader {
  public:
   VehicleReader(const Registry& registry, DiagnosticSink& sink, const SystemSpec* described)
-      : registry_(registry), context_{sink, spec_.defaults_used}, described_(described ? *described : spec_) {}
+      : registry_(registry), context_{sink, spec_.defaults_used, &spec_.warnings}, described_(described ? *described : spec_) {}
 
   SystemSpec read(const DocNode& root) {
     spec_.source_file = root.mark.file;

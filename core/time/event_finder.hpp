@@ -282,27 +282,28 @@ class EventFinder {
     if (t_quiet < t_end) std::fill(quiet_.begin(), quiet_.end(), 0);
   }
 
-  /// Regula falsi with the Illinois weights (Dowell, Jarratt 1971), every third step a bisection so that the bracket is
-  /// sure to shrink. Returns the end of the last bracket where the sign is the new one.
+  /// Regula falsi with the weights of Anderson and Bjorck (1973): an end that stays counts less, by how far the function went towards zero
+  /// on the other side. Where three looks leave more than a quarter of the bracket, one in the middle. Returns the end of the last bracket
+  /// where the sign is the new one.
   template <class StateAt>
   double locate(std::size_t i, const Point& beyond, double resolution, StateAt& state_at) {
-    double a = t_begin_[i], g_a = g_begin_[i], b = beyond.t, g_b = beyond.g;
-    int kept = 0;  // which end did not move last: -1 a, +1 b
-    for (int k = 1; b - a > resolution; ++k) {
-      const double guess = k % 3 == 0 ? 0.5 * (a + b) : b - g_b * (b - a) / (g_b - g_a);
-      const double c = std::clamp(guess, a + 0.5 * resolution, b - 0.5 * resolution);
-      evaluate(c, state_at(c), g_);
-      if (sign(g_[i]) == sign(g_a)) {
-        a = c, g_a = g_[i];
-        if (kept == 1) g_b *= 0.5;
-        kept = 1;
-      } else {
-        b = c, g_b = g_[i];
-        if (kept == -1) g_a *= 0.5;
-        kept = -1;
-      }
+    Point a{t_begin_[i], g_begin_[i]}, b = beyond;
+    double before = b.t - a.t;  // the bracket, up to three looks ago
+    int stayed = 0;             // which end: -1 a, +1 b
+    bool halve = false;
+    for (int k = 1; b.t - a.t > resolution; ++k) {
+      const double guess = halve ? 0.5 * (a.t + b.t) : b.t - b.g * (b.t - a.t) / (b.g - a.g);
+      const double t = std::clamp(guess, a.t + 0.5 * resolution, b.t - 0.5 * resolution);
+      evaluate(t, state_at(t), g_);
+      const bool is_beyond = sign(g_[i]) != sign(a.g);
+      Point &moves = is_beyond ? b : a, &stays = is_beyond ? a : b;
+      if (const int side = is_beyond ? -1 : 1; std::exchange(stayed, side) == side)
+        stays.g *= std::abs(g_[i]) < std::abs(moves.g) ? 1.0 - g_[i] / moves.g : 0.5;
+      moves = {t, g_[i]};
+      halve = false;
+      if (k % 3 == 0) halve = b.t - a.t > 0.25 * std::exchange(before, b.t - a.t);
     }
-    return b;
+    return b.t;
   }
 
   const OdeProblem& problem_;

@@ -103,7 +103,7 @@ int initial(lua_State* L, Scenario& s) {
   const DocNode given = document(L, 1, LuaHost::caller(L));
   DiagnosticSink sink;
   std::vector<std::pair<std::string, std::string>> no_defaults;
-  ReadContext context{sink, no_defaults};
+  ReadContext context{sink, no_defaults, &s.warnings};
   MapReader bodies({&given, "initial"}, context);
   State state = s.sim->state();
   const bool loops = !s.model->loops.empty() || !s.open_start.empty();

@@ -295,6 +295,23 @@ TEST_F(Physics, UnusualValuesAreToldWithTheirConsequence) {
   EXPECT_EQ(codes(), "W0302 ");
 }
 
+TEST_F(Physics, AnglesWithoutAUnitThatAreManyTurnsAreDoubted) {
+  const auto initial = [&](const std::string& angle, const std::string& script) {
+    write(boom("cantilever", 4, "{type: revolute, to: hub.mount, at: root, axis: [0, 0, 1], initial: {angle: " + angle + "}}"),
+          "local v = vehicle \"v.yaml\"\nmission { duration = 1 }\n" + script);
+    return codes();
+  };
+  EXPECT_EQ(initial("90", ""), "W0302 ");
+  const std::string told = check().err;
+  EXPECT_TRUE(has(told, "v.yaml:") && has(told, "at: bodies.boom.hinge.initial.angle") &&
+              has(told, "90 without a unit is 90 rad, 14.3 turns") && has(told, R"("90 deg", or "90 rad" where that is meant)"))
+      << told;
+  for (const char* meant : {"90 deg", "90 rad", "6.2832", "-1.5707963", "-6.925"}) EXPECT_EQ(initial(meant, ""), "") << meant;
+  EXPECT_EQ(initial("0", "initial { boom = { angle = -45 } }\n"), "W0302 ");
+  EXPECT_TRUE(has(check().err, "scenario.lua:3") && has(check().err, "at: initial.boom.angle")) << check().err;
+  EXPECT_EQ(initial("0", "initial { boom = { angle = \"-45 deg\" } }\n"), "");
+}
+
 TEST_F(Physics, FieldsThatBeginOnDifferentDatesAreToldSo) {
   const auto dated = [&](const std::string& moon, const std::string& light) {
     write(

@@ -191,6 +191,38 @@ TEST_P(EveryMethodEvents, ACubicHasAllOfItsCrossings) {
   }
 }
 
+/// Each look costs a step, so few are made: of smooth functions some eight, to 1e-13 of the step. A jump takes a bisection in four at
+/// least.
+TEST(EventFinder, LocatesInFewLooks) {
+  const auto looks = [](const std::function<double(double)>& g, double at) {
+    OdeProblem p = problem(1, [](double, const double*, double* xdot) { return xdot[0] = 1.0, true; });
+    p.n_roots = 1, p.roots = [&](double t, const double*, double* out) { out[0] = g(t); };
+    EventFinder finder(p);
+    const double x = 0.0;
+    double t = 1.0;
+    finder.restart(0.0, &x);
+    const auto state_at = [&](double) { return &x; };
+    EXPECT_TRUE(finder.find(t, state_at, state_at, [&](double, double) { return &x; }));
+    EXPECT_NEAR(t, at, 1e-13);
+    return finder.evaluations() - 5;  // both ends, both slopes, the event itself
+  };
+  const int n = 40;
+  long line = 0, parabola = 0, grows = 0, sine = 0;
+  for (int k = 0; k < n; ++k) {
+    const double at = (k + 0.5) / n;
+    line += looks([&](double t) { return 3.0 * (at - t); }, at);
+    parabola += looks([&](double t) { return (t - at) * (t + 0.3); }, at);
+    grows += looks([&](double t) { return std::exp(8.0 * t) - std::exp(8.0 * at); }, at);
+    sine += looks([&](double t) { return std::sin(1.5 * t) - std::sin(1.5 * at); }, at);
+    EXPECT_LE(looks([&](double t) { return t < at ? -1e-3 : 1.0; }, at), 3.0 * std::log2(1e13));
+    EXPECT_LE(looks([&](double t) { return std::pow(t - at, 3); }, at), 3.0 * std::log2(1e13));
+  }
+  EXPECT_LE(line, 3 * n);
+  EXPECT_LE(parabola, 9 * n);
+  EXPECT_LE(grows, 12 * n);
+  EXPECT_LE(sine, 8 * n);
+}
+
 /// What is zero but for rounding, or near it, has no waves to be looked for.
 TEST_P(EveryMethodEvents, RoundingIsNotLookedInto) {
   for (const double beside : {0.0, 2e-15, 5e-14}) {
