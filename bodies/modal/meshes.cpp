@@ -20,8 +20,9 @@ constexpr int kYokeElements = 8;  // per arm
 constexpr int kMostBeamElements = 4000;
 constexpr double kMostUnknowns = 150'000, kBytesPerUnknown = 12e3;  // of a plate, factor and modes
 constexpr double kThickPlate = 0.1, kDeepBeam = 0.1;  // thickness over the shorter side, depth over length: errors of some percent
-constexpr double kSoftest = 1e5, kStiffest = 2e12, kDensest = 25e3;  // [Pa], [Pa], [kg/m^3] foams, carbon, osmium: beyond lie typing errors
-constexpr double kLeastShear = 0.02;                                 // shear area over area: below lie areas in m^2
+constexpr double kSoftest = 1e5, kStiffest = 2e12,
+                 kDensest = 22.6e3;   // [Pa], [Pa], [kg/m^3] foams, carbon, osmium: beyond lie typing errors
+constexpr double kLeastShear = 0.02;  // shear area over area: below lie areas in m^2
 
 std::string bytes_text(double bytes) {
   return bytes >= 1e12  ? fmt::format("{:.3g} TB", bytes / 1e12)

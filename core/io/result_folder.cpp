@@ -50,7 +50,7 @@ bool is_open_elsewhere(const fs::path& path) {
 ResultFolder::ResultFolder(const fs::path& path, const std::vector<std::string_view>& names) : path_(path) {
   constexpr const char* kElsewhere = "--out DIR chooses another";
   std::error_code error;
-  fs::create_directories(path, error);
+  made_ = fs::create_directories(path, error);
   if (error) cannot_write(path, "a place that can be written to", error.message(), kElsewhere);
   for (const std::string_view name : names) {
     const fs::file_status there = fs::status(path / name, error);
@@ -67,7 +67,10 @@ ResultFolder::ResultFolder(const fs::path& path, const std::vector<std::string_v
                "wait for its end, or choose another folder by --out DIR");
 }
 
-ResultFolder::~ResultFolder() { close(descriptor_); }
+ResultFolder::~ResultFolder() {
+  if (std::error_code not_empty; made_) fs::remove(path_, not_empty);
+  close(descriptor_);
+}
 
 fs::path name_before(const fs::path& file) { return file.parent_path() / ("." + file.filename().string() + ".new"); }
 

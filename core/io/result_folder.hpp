@@ -14,6 +14,7 @@ class ResultFolder {
   /// Throws InputError C0701: the folder cannot be made, another run holds it, or one of `names` is there and can be no file (a folder,
   /// a device, a pipe). Nothing in the folder is touched.
   ResultFolder(const std::filesystem::path& path, const std::vector<std::string_view>& names);
+  /// Takes a folder away that was made for this run and nothing was written to.
   ~ResultFolder();
   ResultFolder(const ResultFolder&) = delete;
   ResultFolder& operator=(const ResultFolder&) = delete;
@@ -23,6 +24,7 @@ class ResultFolder {
 
  private:
   std::filesystem::path path_;
+  bool made_ = false;
   int descriptor_ = -1;
 };
 

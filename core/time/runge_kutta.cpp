@@ -374,11 +374,7 @@ class RungeKutta final : public Integrator {
   }
 
   /// The integrals have no use for a slope without weight.
-  static bool has_weight(int stage) {
-    if (stage >= kLast || Method::a[kLast][stage] != 0.0) return true;
-    if constexpr (Method::adaptive) return std::ranges::any_of(Method::dense, [stage](const auto& row) { return row[stage] != 0.0; });
-    return false;
-  }
+  static bool has_weight(int stage) { return stage >= kLast || Method::a[kLast][stage] != 0.0; }
 
   bool rhs(double t, const Eigen::ArrayXd& z, int stage) {
     ++statistics_.rhs_calls;

@@ -218,10 +218,8 @@ class RunCommand {
     summary_.kept_elsewhere = mission.kept_elsewhere();
     const bool interrupted = Interruption::flag() && !summary_.failure;
     if (!summary_.failure && !fault_ && !interrupted) {
-      guarded([&] {
-        summary_.checks = mission.checks();
-        summary_.figures = mission.figures();
-      });
+      for (const Measure& m : scenario_->checks) guarded([&] { summary_.checks.push_back(mission.check(m)); });
+      for (const Measure& m : scenario_->figures) guarded([&] { summary_.figures.push_back(mission.figure(m)); });
       if (job_.check_against_reference) summary_.checks.push_back(reference_check(recorder_->ranges()));
     }
     if (!disk_is_full()) guarded([&] { keep_state(); });

@@ -349,27 +349,19 @@ double MissionRun::value(const Measure& m, const char* what) {
   return x;
 }
 
-std::vector<Check> MissionRun::checks() {
-  std::vector<Check> all;
-  for (const Measure& m : s_.checks) {
-    Check c;
-    c.name = m.name;
-    c.unit = m.unit;
-    c.detail = m.condition;
-    c.value = value(m, "check");
-    c.pass = m.low <= c.value && c.value <= m.high;
-    c.least = m.low, c.most = m.high;
-    // Of two limits the nearer one.
-    c.limit = std::isinf(m.high) || std::abs(c.value - m.low) < std::abs(c.value - m.high) ? m.low : m.high;
-    all.push_back(std::move(c));
-  }
-  return all;
+Check MissionRun::check(const Measure& m) {
+  Check c;
+  c.name = m.name;
+  c.unit = m.unit;
+  c.detail = m.condition;
+  c.value = value(m, "check");
+  c.pass = m.low <= c.value && c.value <= m.high;
+  c.least = m.low, c.most = m.high;
+  // Of two limits the nearer one.
+  c.limit = std::isinf(m.high) || std::abs(c.value - m.low) < std::abs(c.value - m.high) ? m.low : m.high;
+  return c;
 }
 
-std::vector<Figure> MissionRun::figures() {
-  std::vector<Figure> all;
-  for (const Measure& m : s_.figures) all.push_back({m.name, value(m, "figure"), m.unit});
-  return all;
-}
+Figure MissionRun::figure(const Measure& m) { return {m.name, value(m, "figure"), m.unit}; }
 
 }  // namespace cardan

@@ -32,9 +32,9 @@ class MissionRun {
   void resume(const Checkpoint& checkpoint);
   /// What the script keeps outside of persist{}, so that no checkpoint holds it: names of variables and fields. Of the last look.
   const std::vector<std::string>& kept_elsewhere() const { return elsewhere_; }
-  /// After the run: the values of checks and figures. Throws NumericsError where a function of the script fails.
-  std::vector<Check> checks();
-  std::vector<Figure> figures();
+  /// After the run: the value of a check or a figure. Throws NumericsError where its function fails.
+  Check check(const Measure& m);
+  Figure figure(const Measure& m);
 
  private:
   template <class F>

@@ -447,12 +447,21 @@ TEST(Results, ACheckThatIsNoNumberIsAFailureAndAllIsKept) {
   const TemporaryFolder dir;
   make_scenario(dir,
                 "vehicle 'vehicle.yaml' mission { duration = 1 }\n"
-                "check { name = 'lost', value = function() return 0/0 end, below = 2 }");
+                "check { name = 'lost', value = function() return 0/0 end, below = 2 }\n"
+                "check { name = 'kept', value = function() return 1 end, below = 2 }\n"
+                "figure { name = 'lost', value = function() return missing.value end }\n"
+                "figure { name = 'kept', value = function() return 3 end }");
   const Finished run = run_program({"run", ".", "--out", "out"}, dir.path());
   EXPECT_EQ(run.exit_code, 3);
   EXPECT_NE(run.err.find("failure[N0303]"), std::string::npos) << run.err;
-  EXPECT_EQ(summary_of(dir / "out")["verdict"], "aborted");
-  EXPECT_EQ(summary_of(dir / "out")["failure"]["code"], "N0303");
+  EXPECT_NE(run.err.find("check \"lost\""), std::string::npos) << "the first that failed: " << run.err;
+  const json summary = summary_of(dir / "out");
+  EXPECT_EQ(summary["verdict"], "aborted");
+  EXPECT_EQ(summary["failure"]["code"], "N0303");
+  ASSERT_EQ(summary["checks"].size(), 1u);
+  EXPECT_EQ(summary["checks"][0]["name"], "kept");
+  ASSERT_EQ(summary["figures"].size(), 1u);
+  EXPECT_EQ(summary["figures"][0]["value"], 3.0);
   EXPECT_TRUE(fs::exists(dir / "out/report.html"));
 }
 
