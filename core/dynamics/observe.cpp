@@ -273,15 +273,18 @@ void Observer::prescribed_forces(double* tau) const {
     inverse_dynamics(model_, *inverse_, in, all_tau_.data());
     for (int i = 0; i < model_.nv; ++i)
       if (model_.prescribed[i]) tau[i] = all_tau_[i];
-    return;
+  } else {
+    for (int k = 1; k < static_cast<int>(model_.bodies.size()); ++k) {
+      const SweepBody& b = model_.bodies[k];
+      if (!b.has_prescribed) continue;
+      const Force<double> f = wrench_on_sweep_body(k);
+      for (int j = 0; j < b.nv; ++j)
+        if (model_.prescribed[b.v + j]) tau[b.v + j] = dot(soa::hinge_column(model_, ws_, k, j), f);
+    }
   }
-  for (int k = 1; k < static_cast<int>(model_.bodies.size()); ++k) {
-    const SweepBody& b = model_.bodies[k];
-    if (!b.has_prescribed) continue;
-    const Force<double> f = wrench_on_sweep_body(k);
-    for (int j = 0; j < b.nv; ++j)
-      if (model_.prescribed[b.v + j]) tau[b.v + j] = dot(soa::hinge_column(model_, ws_, k, j), f);
-  }
+  const std::span<const double> pushed = loop_forces(ws_).tau;  // by couplings, beside what is applied
+  for (std::size_t i = 0; i < pushed.size(); ++i)
+    if (model_.prescribed[i]) tau[i] -= pushed[i] - (in_.tau ? in_.tau[i] : 0.0);
 }
 
 // Sum of m x over all bodies, world axes, gathered from the tips to the ground like a force. Rotors are in the inertias of their carriers.

@@ -63,7 +63,7 @@ class Observer {
   Eigen::Vector3d axis_in_world(int rotor) const;
   /// Wrench [moment; force] that the inboard hinge transmits to the body at P, P axes; also inside merged bodies.
   Force<double> hinge_wrench(int user_body) const;
-  /// Force of each prescribed velocity component (tau that its motion needs), zero for the others; nv numbers.
+  /// Force of each prescribed velocity component (tau that its motion needs beside couplings), zero for the others; nv numbers.
   void prescribed_forces(double* tau) const;
   // The rates of the ledger, in a right-hand side: need no update().
   ExternalLoads external(const Inputs& in, const double* vdot);

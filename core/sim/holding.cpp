@@ -61,12 +61,10 @@ bool Holding::look(const DeviceForces& known, const Inputs& in, double t, const 
     Inputs acting = use_;
     acting.tau = tau_.data(), acting.wrenches = wrenches_;
     observer_.prescribed_forces(acting, vdot_.data(), needed_.data());
-    const std::span<const double> coupled = loop_forces(workspace_).tau;  // couplings push there too
-    const double* pushed = coupled.empty() ? tau_.data() : coupled.data();
     const double nothing = kIdle * largest(vdot_);
     for (std::size_t i = 0; i < forces_.size(); ++i)
       if (const auto v = static_cast<std::size_t>(model_.devices.holds[i].v); forces_[i].held)
-        forces_[i].force = needed_[v] - pushed[v];
+        forces_[i].force = needed_[v] - tau_[v];
       else if (std::abs(vdot_[v]) * in_turns_[v] > nothing)
         forces_[i].acceleration = vdot_[v];
   }

@@ -265,10 +265,8 @@ std::vector<double> Simulation::applied_forces() {
 
 void Simulation::drive_forces(double* tau) {
   observe().prescribed_forces(tau);
-  const std::span<const double> coupled = cardan::loop_forces(workspace_).tau;  // couplings push there too
-  const double* pushed = coupled.empty() ? tau_total_.data() : coupled.data();
   for (int i = 0; i < model_->nv; ++i)
-    if (model_->has_given_motion(i)) tau[i] -= pushed[i];
+    if (model_->has_given_motion(i)) tau[i] -= tau_total_[static_cast<std::size_t>(i)];
 }
 
 Balances::Integrals Simulation::gained(const Sums& before, const Sums& now) {
