@@ -8,6 +8,7 @@
 #include "core/base/diagnostic.hpp"
 #include "core/base/units.hpp"
 #include "core/model/components.hpp"
+#include "core/model/device_units.hpp"
 
 namespace cardan::operators::linear {
 namespace {
@@ -79,7 +80,7 @@ bool add_device_port(PortList& out, const Scope& scope, const char* side, const 
     legal.emplace_back(port.name);
     if (text.substr(colon + 1) != port.name) continue;
     out.ports.push_back({kind == CARDAN_PORT_IN ? Port::device_input : Port::device_output, at, 0});
-    out.labels.names.push_back(text), out.labels.units.emplace_back(port.unit);
+    out.labels.names.push_back(text), out.labels.units.push_back(unit_where(turns(m, d), port.unit));
     return true;
   }
   unknown(side, text,

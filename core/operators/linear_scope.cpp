@@ -3,6 +3,7 @@
 #include <fmt/format.h>
 
 #include "core/model/components.hpp"
+#include "core/model/device_units.hpp"
 
 namespace cardan::operators::linear {
 
@@ -39,7 +40,7 @@ SpaceLabels state_labels(const Scope& scope) {
     for (std::uint32_t i = 0; scope.devices[k] && i < scope.m.devices.all[k].family->n_states; ++i) {
       const Device& d = scope.m.devices.all[k];
       out.names.push_back(d.name + "." + d.family->states[i].name);
-      out.units.emplace_back(d.family->states[i].unit);
+      out.units.push_back(unit_where(turns(scope.m, d), d.family->states[i].unit));
     }
   const auto put = [&](int i, std::string name, std::string unit) { out.names[i] = std::move(name), out.units[i] = std::move(unit); };
   for (const UserBody& u : scope.m.user) {

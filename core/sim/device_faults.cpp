@@ -7,6 +7,7 @@
 
 #include "core/abi/port_vectors.hpp"
 #include "core/base/noise.hpp"
+#include "core/model/device_units.hpp"
 #include "core/sim/simulation.hpp"
 
 namespace cardan {
@@ -53,7 +54,8 @@ bool Simulation::is_of_a_port(const PortFault& f) const {
 
 std::string Simulation::told_fault(const PortFault& f) const {
   const Device* d = device_of(*this, f);
-  const std::string port = d ? port_at(*d->family, kind_of(f), f.place).unit : "1", unit = port == "1" ? "" : " " + port;
+  const std::string port = d ? unit_where(turns(*model_, *d), port_at(*d->family, kind_of(f), f.place).unit) : "1";
+  const std::string unit = port == "1" ? "" : " " + port;
   if (f.stuck) return f.value ? fmt::format("stuck at {:g}{}", *f.value, unit) : "stuck";
   if (f.swap >= 0) return "swapped with " + (d ? port_at(*d->family, kind_of(f), f.swap).name : std::string("a port that is gone"));
   std::string all;
@@ -95,11 +97,10 @@ void Simulation::fault(PortFault f, const SourceMark& told) {
     const auto refuse_pair = [&](const char* expected, std::string got) {
       refuse(Code::out_of_range, {at.key_path + ".swap", told}, expected, std::move(got));
     };
-    const auto unit = [&](int place) { return port_at(*d->family, kind_of(f), place).unit; };
+    const auto unit = [&](int place) { return unit_where(turns(*model_, *d), port_at(*d->family, kind_of(f), place).unit); };
     const auto commanded = [&](const PortFault& of) { return model_->devices.is_commanded(index_of(*d, of)); };
     if (f.swap == f.place) refuse_pair("another port", "the same");
-    if (std::string_view(unit(f.place)) != unit(f.swap))
-      refuse_pair("a port of the same unit", fmt::format("{} and {}", unit(f.place), unit(f.swap)));
+    if (unit(f.place) != unit(f.swap)) refuse_pair("a port of the same unit", fmt::format("{} and {}", unit(f.place), unit(f.swap)));
     if (f.input && commanded(f) != commanded(other)) refuse_pair("two inputs that are commanded, or two that are connected", "one of each");
   }
   for (const PortFault& of : {f, other})

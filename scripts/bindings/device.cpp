@@ -5,6 +5,7 @@
 
 #include "core/abi/port_vectors.hpp"
 #include "core/base/units.hpp"
+#include "core/model/device_units.hpp"
 #include "scripts/bindings/handle.hpp"
 #include "scripts/lua/table.hpp"
 
@@ -156,7 +157,8 @@ int device_fault(lua_State* L) {
   lua_pop(L, 1);
   std::vector<PortFault> faults = faults_of(h, p);
   const Device& d = device_of(h);
-  const std::string unit = port_at(*d.family, faults[0].input ? CARDAN_PORT_IN : CARDAN_PORT_OUT, faults[0].place).unit;
+  const std::string unit =
+      unit_where(turns(s.sim->model(), d), port_at(*d.family, faults[0].input ? CARDAN_PORT_IN : CARDAN_PORT_OUT, faults[0].place).unit);
   bool any = false;
   for (const char* key : {"scale", "bias", "drift", "stuck", "noise", "drop", "delay", "swap"}) any = t.has(key) || any;
   if (!any)
