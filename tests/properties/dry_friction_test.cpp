@@ -200,28 +200,49 @@ TEST(DryFriction, WhatARisingLoadTakesToTheLimitAlikeGivesWayTogether) {
 }
 
 /// Two wings that come to rest together stay, under springs that more than slide them back and less than break them away: which of them
-/// comes first is rounding, and the other one, held back by a hub that the first one held had stopped, was thrown back.
+/// comes first is rounding, and the other one, held back by a hub that the first one held had stopped, was thrown back. Whether one of them
+/// counts its angle the other way round is nothing to that.
 TEST(DryFriction, WhatComesToRestAlikeStaysTogether) {
-  const auto wing = [](const char* name, double side, double rate) {
-    BodySpec b = on(rigid(name, 4.0, {0.5 * side, 0, 0}, diagonal({0.1, 0.3, 0.3})), "hub", "revolute", {{0, 0, 1}}, {0.4 * side, 0, 0});
-    b.hinge.v = {rate};
+  const auto wing = [](const char* name, double side, double rate, double way) {
+    BodySpec b = on(rigid(name, 4.0, {0.5 * side, 0, 0}, diagonal({0.1, 0.3, 0.3})), "hub", "revolute", {{0, 0, way}}, {0.4 * side, 0, 0});
+    b.hinge.v = {way * rate};
     SpringDamper spring;
-    spring.stiffness = 0.4, spring.rest = -1.3;
+    spring.stiffness = 0.4, spring.rest = -1.3 * way;
     b.hinge.springs = {spring};
     return b;
   };
   for (const std::string method : {"dopri5", "dop853", "cvode_bdf"})
-    for (const double ahead : {0.0, 1e-14, 1e-12, -1e-11, 1e-11}) {
-      SystemSpec spec = system(
-          {on(rigid("hub", 4.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "free"), wing("left", -1.0, 0.7), wing("right", 1.0, 0.7 + ahead)});
-      for (const char* at : {"left", "right"})
-        spec.devices.push_back(device(std::string("drag_") + at, "dry_friction", {{"coulomb", 0.3}, {"breakaway", 0.65}}, {{"at", at}}));
-      Simulation sim(compiled(spec), accurate(method));
-      sim.run(3.0);
-      EXPECT_GT(sim.state().q[7], 0.05) << method << " " << ahead;
-      EXPECT_NEAR(sim.state().q[8], sim.state().q[7], 1e-9) << method << " " << ahead;
-      EXPECT_EQ(sim.state().marks[0] * sim.state().marks[2], 1.0) << method << " " << ahead;
-    }
+    for (const double way : {1.0, -1.0})
+      for (const double ahead : {0.0, 1e-14, 1e-12, -1e-11, 1e-11}) {
+        SystemSpec spec = system({on(rigid("hub", 4.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "free"), wing("left", -1.0, 0.7, 1.0),
+                                  wing("right", 1.0, 0.7 + ahead, way)});
+        for (const char* at : {"left", "right"})
+          spec.devices.push_back(device(std::string("drag_") + at, "dry_friction", {{"coulomb", 0.3}, {"breakaway", 0.65}}, {{"at", at}}));
+        Simulation sim(compiled(spec), accurate(method));
+        sim.run(3.0);
+        EXPECT_GT(sim.state().q[7], 0.05) << method << " " << ahead;
+        EXPECT_NEAR(way * sim.state().q[8], sim.state().q[7], 1e-9) << method << " " << ahead << " " << way;
+        EXPECT_EQ(sim.state().marks[0] * sim.state().marks[2], 1.0) << method << " " << ahead << " " << way;
+      }
+}
+
+/// At 1 m/s^2 one comes to rest after 10 us; the other one, as slow as that there, begins to move at 1 m/s^2 under less than would break it
+/// away, and goes on.
+TEST(DryFriction, WhatBeginsToMoveIsNotHeldWithWhatStopsAlike) {
+  SystemSpec spec = system({on(particle("stops", 1.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}}),
+                            on(particle("goes", 1.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}})});
+  for (BodySpec& body : spec.bodies) {
+    body.hinge.v = {1e-5};
+    spec.devices.push_back(device(body.name + "_rubs", "dry_friction", {{"coulomb", 1.0}, {"breakaway", 3.0}}, {{"at", body.name}}));
+  }
+  SimulationOptions options;
+  options.integrator.relative_tolerance = 1e-6;
+  Simulation sim(compiled(spec), options);
+  sim.set_force(1, 2.0);
+  sim.run(1.0);
+  EXPECT_NEAR(sim.state().q[0], 0.5e-10, 1e-12);
+  EXPECT_EQ(sim.state().v[0], 0.0);
+  EXPECT_NEAR(sim.state().q[1], 0.5 + 1e-5, 1e-6);
 }
 
 /// Two sliders side by side on a carriage are let go by what pushes them, then the carriage by what pushes it, which is faster than they:

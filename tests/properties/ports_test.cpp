@@ -194,18 +194,18 @@ TEST(Ports, ADelayBreaksALoop) {
   EXPECT_EQ(sim.device_output(y), 3.0);  // -1, 0, 1, 2, 3 at 0 ... 0.4
 }
 
-/// n ticks ago at the ticks of who takes it, exactly; of a latency in time the same.
+/// n ticks ago at the ticks of who takes it, exactly; of a latency in time the same, and of a sum.
 TEST(Ports, GivesWhatWasSomeTicksAgo) {
-  for (const bool in_time : {false, true}) {
+  for (const auto& [in_time, of] : {std::pair{false, 1}, {true, 1}, {false, 2}}) {
     DeviceSpec held = block("held", "sampler", 20.0);
-    held.inputs["x"] = delayed("clock.y", 3);
+    held.inputs["x"] = delayed(of == 2 ? "clock.y + other.y" : "clock.y", 3);
     if (in_time) held.inputs["x"].delay = 0, held.inputs["x"].latency = 0.15;
-    Simulation sim(with_own({block("clock", "clock"), held}), {});
+    Simulation sim(with_own({block("clock", "clock"), block("other", "clock"), held}), {});
     std::vector<double> seen;
     sim.every({1, 20}, [&] { seen.push_back(sim.device_output(output(sim.model(), "held"))); });
     sim.run(0.52);
     ASSERT_EQ(seen.size(), 11u);  // a controller sees what was there before the devices with inputs tick
-    for (std::size_t k = 1; k < seen.size(); ++k) EXPECT_EQ(seen[k], k < 4 ? -1.0 : static_cast<double>(k - 4) / 20.0) << k;
+    for (std::size_t k = 1; k < seen.size(); ++k) EXPECT_EQ(seen[k], k < 4 ? -1.0 : of * (static_cast<double>(k - 4) / 20.0)) << k;
   }
 }
 

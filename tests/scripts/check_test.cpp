@@ -210,16 +210,24 @@ TEST_F(Physics, ASpunBoomIsToldOfBeforeTheRun) {
   EXPECT_TRUE(has(w[0]["about"], share.str())) << w << share.str();
   write(vehicle, turn + "0.05} } }\n");
   EXPECT_EQ(codes(), "") << "(0.05 / 3.6)^2 is far below one percent";
+  const std::string turns = replaced(vehicle, "prescribed: true}", "prescribed: true, initial: {rate: 0.25}}");
+  write(turns, "local v = vehicle \"v.yaml\"\nmission { duration = 1 }\nv:hinge(\"boom\"):profile{ hold = 0.25 }\n");
+  EXPECT_EQ(codes(), "") << "it has the rate of its profile already, not both: (0.25 / 3.6)^2 is 0.5 percent";
+  write(replaced(turns, "0.25", "1"), "local v = vehicle \"v.yaml\"\nmission { duration = 1 }\nv:hinge(\"boom\"):profile{ hold = 1 }\n");
+  const Finished f = run({"run", ".", "--out", "o"});
+  EXPECT_EQ(f.exit_code, 0) << f.err;
+  EXPECT_TRUE(has(f.err, "may turn with up to 1 rad/s")) << f.err;
+  EXPECT_FALSE(has(file_text(folder_ / "o/summary.json"), "turns with")) << "after the run it is no news";
 }
 
 TEST_F(Physics, ASpunBoomIsToldOfAfterTheRunWhereNobodyKnewBefore) {
-  // The drive is told in the first tick: to 3 rad/s in a second, 0.8 times the first frequency with the root held.
+  // The drive is told in the first tick: to 3 rad/s, 0.8 times the first frequency with the root held, and back to rest.
   write(replaced(boom("cantilever", 2, "{type: revolute, to: hub.mount, at: root, axis: [0, 0, 1], prescribed: true}",
                       "{E: 120 GPa, rho: 1600}", "      nodes: {tip: {position: [15, 0, 0]}}\n"),
                  "{type: free, to: world}", "{type: locked, to: world}"),
         "local v = vehicle \"v.yaml\"\nmission { duration = 1, integrator = { method = \"dopri5\" } }\n"
         "controller { name = \"spin\", rate = 1, step = function(t)\n"
-        "  if t == 0 then v:hinge(\"boom\"):profile{ rate_table = { {0, 0}, {1, 3} } } end\nend }\n");
+        "  if t == 0 then v:hinge(\"boom\"):profile{ rate_table = { {0, 0}, {0.6, 3}, {1, 0} } } end\nend }\n");
   EXPECT_EQ(codes(), "");
   const Finished f = run({"run", ".", "--out", "o"});
   ASSERT_EQ(f.exit_code, 0) << f.err;
@@ -227,8 +235,11 @@ TEST_F(Physics, ASpunBoomIsToldOfAfterTheRunWhereNobodyKnewBefore) {
   bool told = false, bent = false;
   for (const json& w : warnings)
     if (w["code"] == "W0301") {
-      EXPECT_TRUE(w["t"].is_number()) << "when it was largest";
-      (has(w["about"], "turns with") ? told : bent) = true;
+      const bool turns = has(w["about"], "turns with 3 rad/s");
+      (turns ? told : bent) = true;
+      if (turns) {
+        EXPECT_NEAR(w["t"].get<double>(), 0.6, 1e-9) << "when it was largest";
+      }
     }
   EXPECT_TRUE(told) << warnings;
   EXPECT_TRUE(bent) << "the boom bends by metres: " << warnings;
@@ -237,16 +248,19 @@ TEST_F(Physics, ASpunBoomIsToldOfAfterTheRunWhereNobodyKnewBefore) {
 TEST_F(Physics, WhatABeamCarriesAlongItselfIsToldOfAfterTheRun) {
   // A rod of 2 m that stands under its weight, of 10 kg at its end too, four times what it buckles under, or lies.
   const std::string fixed = "{type: locked, to: world}";
-  const auto told = [&](const std::string& gravity, const std::string& more, const std::string& hinge) {
+  const auto told = [&](const std::string& gravity, const std::string& more, const std::string& hinge,
+                        const std::string& mission = kBoomMission) {
     write("cardan: 1\ngravity: {uniform: " + gravity + "}\nbodies:\n  rod:\n    type: modal_flexible\n    modal:\n" +
-          "      beam: {length: 2 m, material: {E: 70 GPa, rho: 2700}, section: {rectangle: {width: 3 cm, height: 6 mm}}}\n" +
-          "      modes: {count: 2}\n      nodes: {tip: {position: [2, 0, 0]}}\n" + "    hinge: " + hinge + "\n" + more);
+              "      beam: {length: 2 m, material: {E: 70 GPa, rho: 2700}, section: {rectangle: {width: 3 cm, height: 6 mm}}}\n" +
+              "      modes: {count: 2}\n      nodes: {tip: {position: [2, 0, 0]}}\n" + "    hinge: " + hinge + "\n" + more,
+          mission);
     const Finished f = run({"run", ".", "--out", "o"});
     EXPECT_EQ(f.exit_code, 0) << f.err;
     std::string all;
     const json warnings = json::parse(file_text(folder_ / "o/summary.json"))["warnings"];
     for (const json& w : warnings)
-      if (w["code"] == "W0301" && has(w["about"], "along itself")) all += w["about"].get<std::string>();
+      if (w["code"] == "W0301" && has(w["about"], "along itself"))
+        all += fmt::format("{} at {:.3f} s", w["about"].get<std::string>(), w["t"].get<double>());
     return all;
   };
   // Of own weight 1.57 g / L is added to omega_1^2 or taken off: 0.128 of (1.23 Hz * 2 pi)^2.
@@ -256,6 +270,20 @@ TEST_F(Physics, WhatABeamCarriesAlongItselfIsToldOfAfterTheRun) {
   const std::string load = told("[-9.81, 0, 0]", "  load: {type: particle, mass: 10 kg, hinge: {type: locked, to: rod.tip}}\n", fixed);
   EXPECT_TRUE(has(load, "a compression") && !has(load, "order of 0.")) << load;
   EXPECT_EQ(told("[0, 0, -9.81]", "", fixed), "");
+  // On a sled that takes it along with 25 m/s^2, as much as its stiffness for 1 kg at its end, or shakes it ten times as fast as it bends.
+  const auto on_sled = [&](const std::string& rates) {
+    return told(
+        "[0, 0, 0]",
+        "  load: {type: particle, mass: 1 kg, hinge: {type: locked, to: rod.tip}}\n  sled: {type: particle, mass: 1, hinge: {type: "
+        "prismatic, to: world, axis: [1, 0, 0], prescribed: true}}\n",
+        "{type: locked, to: sled}",
+        "local v = vehicle \"v.yaml\"\nmission { duration = 1, integrator = { method = \"dopri5\" }, output = { rate = \"200 Hz\" } }\n"
+        "local t = { {0, 0} }\n" +
+            rates + "v:hinge(\"sled\"):profile{ rate_table = t }\n");
+  };
+  const std::string sled = on_sled("t[2] = {0.1, 0}\nt[3] = {0.3, 5}\nt[4] = {1, 5}\n");
+  EXPECT_TRUE(has(sled, "a compression") && has(sled, "at 0.295 s")) << sled;
+  EXPECT_EQ(on_sled("for k = 1, 25 do t[k + 1] = {0.04 * k, k == 1 and 0 or 0.5 * (-1)^k} end\n"), "") << "of no mean";
   // It spins at 0.3 times its first frequency: of its own mass the rate tells, of what it carries this.
   const std::string spins = "{type: revolute, to: world, at: root, axis: [0, 0, 1], initial: {rate: 2.3}}";
   EXPECT_EQ(told("[0, 0, 0]", "", spins), "");
@@ -470,14 +498,17 @@ TEST_F(Physics, ControllersThatNeverGetThroughAreRefused) {
 }
 
 TEST_F(Physics, RatesThatClosedLoopsGiveABodyInOrbitAreToldWhereNobodyCanMeanThem) {
-  const auto docked = [&](const std::string& of_b, const std::string& mission) {
+  const auto docked = [&](const std::string& of_b, const std::string& mission, int arm = 1) {
     write(
-        "cardan: 1\ngravity: {central: {mu: 398600.4418 km^3/s^2}}\nbodies:\n  a: {mass: 300, inertia: [100, 120, 90], nodes: {port: "
-        "{position: [1, 0, 0]}}, hinge: {type: free, to: world, initial: {position: [6878 km, 0, 0], velocity: [0, 7612.6, 0], "
-        "angular_velocity: [0.01, 0.02, 0.03]}}}\n  b: {mass: 200, inertia: [40, 50, 60], nodes: {port: {position: [-1, 0, 0]}}, hinge: "
-        "{type: "
-        "free, to: world, initial: {position: [6878002, 0, 0]" +
-            of_b + "}}}\nloops: {dock: {type: ball, from: a.port, to: b.port}}\n",
+        fmt::format(
+            "cardan: 1\ngravity: {{central: {{mu: 398600.4418 km^3/s^2}}}}\nbodies:\n  a: {{mass: 300, inertia: [100, 120, 90], nodes: "
+            "{{port: "
+            "{{position: [{0}, 0, 0]}}}}, hinge: {{type: free, to: world, initial: {{position: [6878 km, 0, 0], velocity: [0, 7612.6, 0], "
+            "angular_velocity: [0.01, 0.02, 0.03]}}}}}}\n  b: {{mass: 200, inertia: [40, 50, 60], nodes: {{port: {{position: [-{0}, 0, "
+            "0]}}}}, "
+            "hinge: {{type: free, to: world, initial: {{position: [{1}, 0, 0]{2}}}}}}}\nloops: {{dock: {{type: ball, from: a.port, to: "
+            "b.port}}}}\n",
+            arm, 6878000 + 2 * arm, of_b),
         "vehicle \"v.yaml\"\nmission { duration = 1 }\n" + mission);
   };
   docked("", "");
@@ -487,6 +518,9 @@ TEST_F(Physics, RatesThatClosedLoopsGiveABodyInOrbitAreToldWhereNobodyCanMeanThe
   docked(", velocity: [0, 7612.63, -0.02]", "");
   EXPECT_EQ(codes(), "");
   EXPECT_TRUE(has(check().err, "its ends are counted from the origin of the world")) << "the run alone told it";
+  docked(", velocity: [0, 7613.2, -0.4]", "", 20);
+  EXPECT_EQ(codes(), "");
+  EXPECT_FALSE(has(check().err, "its ends are counted from the origin of the world")) << "1.5e-9 m are less than 1e-10 of 20 m";
   docked("", "initial { b = { velocity = { 0, 7612.63, -0.02 }, angular_velocity = { 0, 0, 0 } } }\n");
   EXPECT_EQ(codes(), "") << "of another start than that of the mission";
 }

@@ -7,6 +7,7 @@
 #include "core/sim/outputs.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/support/builders.hpp"
+#include "tests/support/four_bar.hpp"
 
 namespace cardan::test {
 namespace {
@@ -65,6 +66,20 @@ TEST(Outputs, ReactionsOfLoopsAreInAxesOfFrom) {
   Vector6d reaction;
   reaction << weld.from.R.transpose() * (-weld.to.position).cross(weight), weld.from.R.transpose() * weight;
   EXPECT_LT((recorded(sim, "loops/weld/reaction") - reaction).norm(), 1e-10 * m * g);
+}
+
+/// One that is eight times as large is as open where its crank is off by the same angle.
+TEST(Outputs, ResidualsOfLoopsAreOverTheirSize) {
+  const auto residual = [](double size) {
+    SystemSpec spec = four_bar();
+    for (BodySpec& body : spec.bodies) body.com *= size, body.hinge.onode_position *= size;
+    spec.loops[0].from.position *= size, spec.loops[0].to.position *= size;
+    Simulation sim(compiled(spec), {});
+    sim.q(0) += 1e-7;
+    return recorded(sim, "loops/residual")[0];
+  };
+  EXPECT_GT(residual(1.0), 1e-8);
+  EXPECT_NEAR(residual(8.0), residual(1.0), 1e-7 * residual(1.0));
 }
 
 TEST(Outputs, AHingeThatIsLockedTellsWhereItIsHeld) {
