@@ -172,6 +172,7 @@ int from_geodetic(lua_State* L) {
 int nrlmsise00(lua_State* L) {
   DiagnosticSink sink;
   LuaTable t(L, 1, "astro.nrlmsise00", sink);
+  sink.throw_if_any();  // no table
   t.require({"day", "altitude", "latitude", "longitude", "f107"});
   UpperAirAsked asked;
   const auto within = [&](const char* key, const char* unit, double low, double high, double fallback) {

@@ -71,7 +71,7 @@ int device_set(lua_State* L) {
       refuse(L, Code::lua_argument, fmt::format("{} of device {}", lua_tostring(L, 2), d.name), "an input that is not connected",
              "one that another device gives", "devices." + d.name + ".inputs of the vehicle");
   if (to.size == 0) {
-    s.sim->set_device_input(to.index, command(L, 3, s, "an input of device", d.name));
+    s.sim->set_device_input(to.index, command(L, 3, s, lua_tostring(L, 2), "device " + d.name));
     return 0;
   }
   if (lua_type(L, 3) != LUA_TTABLE || lua_rawlen(L, 3) != static_cast<lua_Unsigned>(to.size) || count_keys(L, 3) != lua_rawlen(L, 3))
@@ -80,7 +80,7 @@ int device_set(lua_State* L) {
   std::vector<double> all;  // all of them, or none
   for (int i = 0; i < to.size; ++i) {
     lua_rawgeti(L, 3, i + 1);
-    all.push_back(command(L, lua_gettop(L), s, "an input of device", d.name));
+    all.push_back(command(L, lua_gettop(L), s, lua_tostring(L, 2), "device " + d.name));
     lua_pop(L, 1);
   }
   for (int i = 0; i < to.size; ++i) s.sim->set_device_input(to.index + i, all[static_cast<std::size_t>(i)]);

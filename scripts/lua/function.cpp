@@ -28,19 +28,50 @@ lua_Unsigned count_keys(lua_State* L, int index) {
   return keys;
 }
 
+namespace {
+
+std::string text_of(lua_State* L, int index) {
+  std::size_t n = 0;
+  const char* text = lua_tolstring(L, index, &n);
+  return in_quotes({text, n});
+}
+
+std::string number_of(lua_State* L, int index) {
+  if (lua_isinteger(L, index)) return fmt::format("{}", lua_tointeger(L, index));
+  if (std::isnan(lua_tonumber(L, index))) return "nan";  // its sign differs between processors
+  return fmt::format("{}", lua_tonumber(L, index));
+}
+
+/// `{2, 1}` of a short list, to `depth` lists in it; else `table`.
+std::string table_of(lua_State* L, int index, int depth) {
+  constexpr lua_Unsigned kLongest = 6;
+  const lua_Unsigned n = lua_rawlen(L, index);
+  if (n == 0 || n > kLongest || count_keys(L, index) != n) return "table";
+  index = lua_absindex(L, index);
+  std::string entries;
+  for (lua_Unsigned i = 1; i <= n; ++i, lua_pop(L, 1)) {
+    const int type = lua_rawgeti(L, index, static_cast<lua_Integer>(i));
+    entries += i == 1 ? "" : ", ";
+    entries += type == LUA_TNUMBER               ? number_of(L, -1)
+               : type == LUA_TSTRING             ? text_of(L, -1)
+               : type == LUA_TTABLE && depth > 0 ? table_of(L, -1, depth - 1)
+                                                 : luaL_typename(L, -1);
+  }
+  return "{" + entries + "}";
+}
+
+}  // namespace
+
 std::string describe_value(lua_State* L, int index) {
   switch (lua_type(L, index)) {
-    case LUA_TSTRING: {
-      std::size_t n = 0;
-      const char* text = lua_tolstring(L, index, &n);
-      return in_quotes({text, n}) + " (string)";
-    }
+    case LUA_TSTRING:
+      return text_of(L, index) + " (string)";
     case LUA_TNUMBER:
-      if (lua_isinteger(L, index)) return fmt::format("{} (number)", lua_tointeger(L, index));
-      if (std::isnan(lua_tonumber(L, index))) return "nan (number)";  // its sign differs between processors
-      return fmt::format("{} (number)", lua_tonumber(L, index));
+      return number_of(L, index) + " (number)";
     case LUA_TBOOLEAN:
       return lua_toboolean(L, index) ? "true (boolean)" : "false (boolean)";
+    case LUA_TTABLE:
+      return table_of(L, index, 1);
     default:
       return luaL_typename(L, index);
   }
@@ -76,8 +107,10 @@ int LuaFunction::call(std::span<const double> in, std::span<double> out) const t
       host_->call_budget());
   return left;
 } catch (const InputError& e) {
-  // `return vec.norm(x)` is a tail call: what fails in a module of ours is all that stands on the stack, and this function is its place.
-  if (!e.diagnostics().front().at.mark.file.starts_with("[cardan.")) throw;
+  // `return vec.norm(x)` is a tail call: what fails, in a module of ours or in the program, is all that stands on the stack, and this
+  // function is its place.
+  const std::string& file = e.diagnostics().front().at.mark.file;
+  if (!file.empty() && !file.starts_with("[cardan.")) throw;
   std::vector<Diagnostic> all = e.diagnostics();
   host_->protect([&](lua_State* L) {
     push(L);

@@ -46,7 +46,7 @@ class LuaFunction : public LuaRef {
 /// How many keys the table at `index` has, whatever they are: of a list as many as its length.
 lua_Unsigned count_keys(lua_State* L, int index);
 
-/// `"1e-9 m" (string)`, `12 (number)`, `nil`: for `got`.
+/// `"1e-9 m" (string)`, `12 (number)`, `{2, 1}`, `nil`: for `got`.
 std::string describe_value(lua_State* L, int index);
 
 }  // namespace cardan

@@ -98,12 +98,6 @@ const char* chunk_of(const lua_Debug& frame) { return *frame.source == '@' ? fra
 
 /// "did you mean" for an undefined global, or why it is absent.
 std::string hint_for(lua_State* L, const std::string& message) {
-  lua_Debug frame;
-  if (lua_getstack(L, 1, &frame) && lua_getinfo(L, "S", &frame) && message.starts_with("attempt to "))
-    if (const std::string_view source = frame.source;
-        source == "=[cardan.vec]" || source == "=[cardan.quat]" || source == "=[cardan.arguments]")
-      return "vec and quat work on arrays of numbers; several values need braces: vec.norm { bus:rate() }, a list has them: gyro:get "
-             "\"rate\"";
   constexpr std::string_view kOpening = "(global '";
   const std::size_t start = message.find(kOpening);
   if (start == std::string::npos) return {};

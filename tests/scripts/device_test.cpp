@@ -149,7 +149,7 @@ TEST(DevicesInScripts, AnswerToWrongNames) {
       {"sat:device('motor'):get('volts')", "device motor", "one of: torque, voltage, current", "\"volts\""},
       {"sat:device('imu'):set('rate_x', 2)", "device imu", "nothing: a imu has no such numbers", "\"rate_x\""},
       {"sat:device('wheel'):set('torque', 2)", "torque of device wheel", "an input that is not connected", "one that another device gives"},
-      {"sat:device('motor'):set('voltage', 0 / 0)", "an input of device of motor", "a finite number", "nan"}};
+      {"sat:device('motor'):set('voltage', 0 / 0)", "voltage of device motor", "a finite number", "nan"}};
   for (const auto& c : cases) {
     const TemporaryFolder dir;
     make_device_scenario(dir, c.line);

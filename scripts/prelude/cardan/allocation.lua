@@ -1,4 +1,5 @@
-local expect_three = require("cardan.arguments").expect_three
+local arguments = require("cardan.arguments")
+local expect_three = arguments.expect_three
 
 --- Sharing a body torque among actuators with fixed axes.
 local allocation = {}
@@ -8,6 +9,7 @@ local allocation = {}
 ---@param axes number[][]
 ---@return fun(torque: number[]): number[] share
 function allocation.least_norm(axes)
+  arguments.expect(type(axes) == "table", "allocation.least_norm", "a list of axes", axes)
   local m = { { 0, 0, 0 }, { 0, 0, 0 }, { 0, 0, 0 } } -- A A'
   for _, a in ipairs(axes) do
     expect_three("allocation.least_norm", a)

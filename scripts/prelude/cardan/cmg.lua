@@ -1,4 +1,5 @@
 local vec = require "cardan.vec"
+local arguments = require "cardan.arguments"
 
 --- Control moment gyros with one gimbal each: where their momentum points, and gimbal rates for a rate of momentum.
 local cmg = {}
@@ -27,6 +28,7 @@ local cmg = {}
 ---@param skew? number [rad] of the sides from the base: 54.7356 deg by default, where the momentum that is had is nearly a sphere
 ---@return CmgOptions axes without h
 function cmg.pyramid(skew)
+  arguments.expect(skew == nil or arguments.finite(skew), "cmg.pyramid", "a skew in rad", skew)
   local b = skew or math.atan(math.sqrt(2))
   local s, c = math.sin(b), math.cos(b)
   return {
@@ -48,7 +50,9 @@ local function determinant(m) return m[1][1] * minor(m, 1, 1) + m[1][2] * minor(
 ---@param steering? CmgSteering
 ---@return CmgCluster cluster
 function cmg.cluster(options, steering)
-  local gimbals, spins, n = options.gimbals, options.spins, #options.gimbals
+  arguments.expect_keys("cmg.cluster", options, "gimbals spins h")
+  local gimbals, spins = options.gimbals or {}, options.spins or {}
+  local n = #gimbals
   if n == 0 or #spins ~= n then error("cmg.cluster: expected as many spins as gimbals, at least one", 2) end
   local h, most = {}, 0
   for i = 1, n do
@@ -69,7 +73,7 @@ function cmg.cluster(options, steering)
   local across = {}
   for i = 1, n do across[i] = vec.cross(gimbals[i], spins[i]) end
   local function expect(list, what)
-    if #list ~= n then error("cmg: expected " .. n .. " " .. what .. ", got " .. #list, 3) end
+    arguments.expect(arguments.numbers(n, list), "cmg", n .. " " .. what, list, 1)
   end
 
   local cluster = {}

@@ -3,6 +3,9 @@ local elliptic = {}
 
 --- Means (a_n), (c_n) of the arithmetic-geometric mean of 1 and sqrt(m1) [Abramowitz, Stegun 1964, 17.6].
 local function means(m, m1)
+  for _, x in ipairs { m or "nothing", m1 } do
+    if type(x) ~= "number" then error("elliptic: expected a number, got " .. tostring(x), 3) end
+  end
   m1 = m1 or 1 - m
   if not (m >= 0 and m1 > 0) then error("elliptic: expected a parameter 0 <= m < 1, got " .. tostring(m), 3) end
   if math.abs(m + m1 - 1) > 1e-8 then error("elliptic: expected m1 = 1 - m, got " .. tostring(m1) .. " beside m = " .. tostring(m), 3) end
@@ -34,6 +37,7 @@ end
 ---@return number dn
 ---@return number am amplitude [rad]: sn = sin am
 function elliptic.jacobi(u, m, m1)
+  if type(u) ~= "number" then error("elliptic: expected a number, got " .. tostring(u), 2) end
   local a, c = means(m, m1)
   local am = 2 ^ (#a - 1) * a[#a] * u -- descending Landen steps [Abramowitz, Stegun 1964, 16.4]
   for n = #a, 2, -1 do am = 0.5 * (am + math.asin(c[n] / a[n] * math.sin(am))) end

@@ -1,8 +1,26 @@
-local expect_three = require("cardan.arguments").expect_three
+local arguments = require("cardan.arguments")
+local expect, expect_three, expect_quaternion = arguments.expect, arguments.expect_three, arguments.expect_quaternion
 
 --- Quaternions as arrays {w, x, y, z} of length one; nothing here normalises. q turns components in the axes of a body into the world:
 --- v_world = quat.rotate(q, v_body).
 local quat = {}
+
+local function product(p, q)
+  return {
+    p[1] * q[1] - p[2] * q[2] - p[3] * q[3] - p[4] * q[4],
+    p[1] * q[2] + p[2] * q[1] + p[3] * q[4] - p[4] * q[3],
+    p[1] * q[3] - p[2] * q[4] + p[3] * q[1] + p[4] * q[2],
+    p[1] * q[4] + p[2] * q[3] - p[3] * q[2] + p[4] * q[1],
+  }
+end
+local function conjugate(q) return { q[1], -q[2], -q[3], -q[4] } end
+local function to_rotation_vector(q)
+  local s = math.sqrt(q[2] ^ 2 + q[3] ^ 2 + q[4] ^ 2)
+  if s < 1e-150 then return { 0.0, 0.0, 0.0 } end
+  local sign = q[1] < 0 and -1 or 1 -- q and -q are one rotation: take the shorter way
+  local k = sign * 2 * math.atan(s, sign * q[1]) / s
+  return { k * q[2], k * q[3], k * q[4] }
+end
 
 --- The product p q, and so on: first the last of them, p at the end.
 ---@param p number[]
@@ -10,19 +28,18 @@ local quat = {}
 ---@param ... number[] more of them
 ---@return number[] product
 function quat.multiply(p, q, ...)
-  local product = {
-    p[1] * q[1] - p[2] * q[2] - p[3] * q[3] - p[4] * q[4],
-    p[1] * q[2] + p[2] * q[1] + p[3] * q[4] - p[4] * q[3],
-    p[1] * q[3] - p[2] * q[4] + p[3] * q[1] + p[4] * q[2],
-    p[1] * q[4] + p[2] * q[3] - p[3] * q[2] + p[4] * q[1],
-  }
-  return select("#", ...) > 0 and quat.multiply(product, ...) or product
+  expect_quaternion("quat.multiply", p)
+  expect_quaternion("quat.multiply", q)
+  return select("#", ...) > 0 and quat.multiply(product(p, q), ...) or product(p, q)
 end
 
 --- The inverse rotation.
 ---@param q number[]
 ---@return number[] conjugate
-function quat.conjugate(q) return { q[1], -q[2], -q[3], -q[4] } end
+function quat.conjugate(q)
+  expect_quaternion("quat.conjugate", q)
+  return conjugate(q)
+end
 
 --- A rotation by `angle` [rad] about `axis` (of any length).
 ---@param axis number[]
@@ -30,6 +47,7 @@ function quat.conjugate(q) return { q[1], -q[2], -q[3], -q[4] } end
 ---@return number[] q
 function quat.from_axis_angle(axis, angle)
   expect_three("quat.from_axis_angle", axis)
+  expect(type(angle) == "number", "quat.from_axis_angle", "an angle in rad", angle)
   local n = math.sqrt(axis[1] ^ 2 + axis[2] ^ 2 + axis[3] ^ 2)
   if n == 0 then error("quat.from_axis_angle: the zero vector is no axis", 2) end
   local s = math.sin(angle / 2) / n
@@ -50,24 +68,26 @@ end
 ---@param q number[]
 ---@return number[] vector [rad]
 function quat.to_rotation_vector(q)
-  local s = math.sqrt(q[2] ^ 2 + q[3] ^ 2 + q[4] ^ 2)
-  if s < 1e-150 then return { 0.0, 0.0, 0.0 } end
-  local sign = q[1] < 0 and -1 or 1 -- q and -q are one rotation: take the shorter way
-  local k = sign * 2 * math.atan(s, sign * q[1]) / s
-  return { k * q[2], k * q[3], k * q[4] }
+  expect_quaternion("quat.to_rotation_vector", q)
+  return to_rotation_vector(q)
 end
 
 --- The rotation vector [rad] that takes q_ref to q, in the axes of the body.
 ---@param q_ref number[]
 ---@param q number[]
 ---@return number[] vector [rad]
-function quat.error(q_ref, q) return quat.to_rotation_vector(quat.multiply(quat.conjugate(q_ref), q)) end
+function quat.error(q_ref, q)
+  expect_quaternion("quat.error", q_ref)
+  expect_quaternion("quat.error", q)
+  return to_rotation_vector(product(conjugate(q_ref), q))
+end
 
 --- The components of v after the rotation q.
 ---@param q number[]
 ---@param v number[]
 ---@return number[] v
 function quat.rotate(q, v)
+  expect_quaternion("quat.rotate", q)
   expect_three("quat.rotate", v)
   local w, x, y, z = q[1], q[2], q[3], q[4]
   local tx, ty, tz = 2 * (y * v[3] - z * v[2]), 2 * (z * v[1] - x * v[3]), 2 * (x * v[2] - y * v[1])

@@ -69,6 +69,7 @@ end
 ---@param a number[]
 ---@return number[] unit
 function vec.unit(a)
+  expect_three("vec.unit", a)
   local n = vec.norm(a)
   if n == 0 then error("vec.unit: the zero vector has no direction", 2) end
   return vec.scale(1 / n, a)

@@ -35,8 +35,28 @@ local small = { { 1e-5 * c, 1e-5 * c, 0 }, { 0, 2e-5, 0 }, { 0, 0, 1e-5 } }
 near("small actuators give more", vec.scale(1e-5, allocation.least_norm(small)(torque)), { 1 / c, -1.5, 3 })
 for _, wrong in ipairs { { axes, { 1, 2, 3, 4 } }, { { { 1, 0, 0 }, { 0, 1, 0 }, { 0, 0, 1, 0 } }, { 1, 2, 3 } } } do
   local good, told = pcall(function() return allocation.least_norm(wrong[1])(wrong[2]) end)
-  assert(not good and told:find("allocation.least_norm: expected three numbers, got 4", 1, true), told)
+  assert(not good and told:find("allocation.least_norm: expected three numbers, got {", 1, true), told)
 end
+-- what is forgotten, a quaternion with three numbers, and several values that are no list, are answered by the function that was called
+for told, wrong in pairs {
+  ["quat.error: expected four numbers w, x, y, z, got nil"] = function() return quat.error { 1, 0, 0, 0 } end,
+  ["quat.conjugate: expected four numbers w, x, y, z, got {1, 0, 0}"] = function() return quat.conjugate { 1, 0, 0 } end,
+  ["quat.multiply: expected four numbers w, x, y, z, got {1, 2, 3, x}"] = function() return quat.multiply({ 1, 0, 0, 0 }, { 1, 2, 3, "x" }) end,
+  ["quat.rotate: expected four numbers w, x, y, z, got {1, 2, 3}"] = function() return quat.rotate({ 1, 2, 3 }, { 1, 0, 0, 0 }) end,
+  ["quat.from_axis_angle: expected an angle in rad, got nil"] = function() return quat.from_axis_angle { 1, 0, 0 } end,
+  ["vec.unit: expected three numbers, got 2; several values need braces: { bus:rate() }"] = function() return vec.unit(2, 3, 4) end,
+  ["vec.dot: expected three numbers, got nil"] = function() return vec.dot { 1, 2, 3 } end,
+  ["allocation.least_norm: expected a list of axes, got nil"] = function() return allocation.least_norm() end,
+  ["elliptic: expected a number, got x"] = function() return elliptic.jacobi("x", 0.5) end,
+  ["elliptic: expected a number, got nothing"] = function() return elliptic.K() end,
+  ["cmg.cluster: expected a table with the keys gimbals, spins, h, got nil"] = function() return cmg.cluster() end,
+  ["cmg.pyramid: expected a skew in rad, got x"] = function() return cmg.pyramid "x" end,
+  ["slew: expected a table with the keys from, "] = function() return slew.plan() end,
+} do
+  local good, why = pcall(wrong)
+  assert(not good and why:find(told, 1, true) and not why:find("cardan.", 1, true), why)
+end
+near("vectors are lists of numbers as well", { vec.dot(vector { 1, 2, 3 }, { 1, 1, 1 }) }, { 6 })
 near("shares do not fight each other", { shares[1] - shares[2] + shares[3] - shares[4] }, { 0 })
 -- K and sn, cn, dn by mpmath 1.3 in 30 digits; near m = 1 the complement says what 1 - m is
 near("elliptic integral", { elliptic.K(0), elliptic.K(0.5), elliptic.K(1, 1e-10) / 10 }, { math.pi / 2, 1.8540746773013719, 1.28992198263876 })
