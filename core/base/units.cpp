@@ -455,6 +455,12 @@ std::string describe(const Dimension& dimension) {
   return fmt::format("[{}]", unit);
 }
 
+std::optional<std::uint64_t> parse_seed(std::string_view text) {
+  std::uint64_t seed = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seed);
+  return error == std::errc() && end == text.data() + text.size() ? std::optional(seed) : std::nullopt;
+}
+
 std::optional<double> parse_number(std::string_view text) {
   const auto number = leading_number(text);
   return number && number->rest.empty() ? std::optional(number->value) : std::nullopt;

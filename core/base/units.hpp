@@ -3,6 +3,7 @@
 // the door. The radian counts as a dimension of its own here, so that 1/s is not an angular rate and N m/rad is not N
 // m.
 #include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -37,6 +38,8 @@ std::string describe(const Dimension&);
 
 /// A finite decimal number and nothing else: no `010`, `0x10`, `1_000`, `nan`, `inf`.
 std::optional<double> parse_number(std::string_view text);
+/// A whole number from 0 to 2^64 - 1 in decimal digits, and nothing else.
+std::optional<std::uint64_t> parse_seed(std::string_view text);
 
 /// What is wrong with a quantity, in the words of a Diagnostic (codes C0107 and C0108).
 struct QuantityFault {

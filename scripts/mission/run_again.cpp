@@ -3,7 +3,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <charconv>
 #include <filesystem>
 
 #include "core/base/units.hpp"
@@ -179,12 +178,6 @@ class Reader {
 };
 
 }  // namespace
-
-std::optional<std::uint64_t> parse_seed(std::string_view text) {
-  std::uint64_t seed = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), seed);
-  return error == std::errc() && end == text.data() + text.size() ? std::optional(seed) : std::nullopt;
-}
 
 namespace {
 /// What breaks the library that reads a file breaks it in a child.

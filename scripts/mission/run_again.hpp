@@ -47,9 +47,6 @@ struct RecordedRun {
   Warnings warnings;                          // W0601 where this program, or the sweeps that it would run, are others
 };
 
-/// A whole number from 0 to 2^64 - 1 in decimal digits, and nothing else.
-std::optional<std::uint64_t> parse_seed(std::string_view text);
-
 /// Throws InputError C0702: no results, damaged, or made before results kept what a repetition needs.
 RecordedRun read_recorded_run(const std::string& h5_path);
 /// The same, to go on from its last checkpoint, or from the last at or before `at` [s]. C0704 where there is none, or one that does not

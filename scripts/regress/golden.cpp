@@ -68,7 +68,11 @@ class GoldenReader {
       for (std::size_t i = 0; i < settings->node->keys.size(); ++i)
         golden_.settings.emplace_back(settings->node->keys[i].name, read_text(settings->item(i), "a value as --set takes it", context_));
     }
-    if (const auto seed = map.find("seed")) golden_.seed = read_text(*seed, "a whole number", context_);
+    if (const auto seed = map.find("seed")) {
+      golden_.seed = read_text(*seed, "a whole number", context_);
+      if (!parse_seed(golden_.seed))
+        sink_.report(Code::out_of_range, seed->at(), "a whole number from 0 to 18446744073709551615", describe(*seed->node));
+    }
     if (const auto until = map.find("until")) golden_.until = fmt::format("{}", positive(*until, "s"));
     if (const auto kernels = map.find("kernels"))
       if (const int i = read_choice(*kernels, {"v2", "v3", "v4"}, "an instruction set", Code::unknown_name, context_); i >= 0)
@@ -107,7 +111,9 @@ class GoldenReader {
 
   double positive(const DocRef& value, const char* unit) {
     const double number = read_number(value, unit, context_);
-    if (number <= 0.0) sink_.report(Code::out_of_range, value.at(), fmt::format("more than 0 {}", unit), describe(*value.node));
+    if (number <= 0.0)
+      sink_.report(Code::out_of_range, value.at(), fmt::format("more than 0{}", *unit == '1' ? "" : fmt::format(" {}", unit)),
+                   describe(*value.node));
     return number;
   }
 
@@ -251,8 +257,10 @@ class GoldenReader {
                                               GoldenChannel::Kind::statistics};
     if (inline_numbers) c.kind = kKinds[which];
     if (which == 0) {
-      if (const auto times = map.require("times", "the times of the values: [0, 10, 20] in s"))
+      if (const auto times = map.require("times", "the times of the values: [0, 10, 20] in s")) {
         c.times = read_numbers(*times, "s", 0, context_);
+        expect_ascending(*times, c);
+      }
       read_rows(numbers, c);
     } else if (inline_numbers) {
       c.values = read_row(numbers);
@@ -292,7 +300,6 @@ class GoldenReader {
                      describe(value.node->items[i]));
       c.values.insert(c.values.end(), row.begin(), row.end());
     }
-    expect_ascending(value, c);
   }
 
   void expect_ascending(const DocRef& value, const GoldenChannel& c) {
