@@ -345,7 +345,8 @@ SystemSpec vehicle_from_text(std::string_view text, const std::string& file, con
                              const SystemSpec* described) {
   DocNode root = parse_yaml(text, file);
   if (root.kind == DocNode::Kind::empty) fail(Code::empty_system, {file, 0, 0}, "a vehicle", "an empty file");
-  for (const auto& [key_path, value] : overrides) apply_override(root, key_path, value);
+  if (root.kind == DocNode::Kind::map)  // what else it is is answered as in a file without overrides
+    for (const auto& [key_path, value] : overrides) apply_override(root, key_path, value);
   DiagnosticSink sink;
   SystemSpec spec = vehicle_from_doc(root, registry, sink, described);
   if (!sink.empty()) {

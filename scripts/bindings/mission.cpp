@@ -7,6 +7,7 @@
 #include <numeric>
 
 #include "core/base/units.hpp"
+#include "core/io/yaml_reader.hpp"
 #include "scripts/bindings/bind.hpp"
 #include "scripts/lua/table.hpp"
 
@@ -162,7 +163,7 @@ void read_checkpoint(LuaTable& t, lua_State* L, MissionSpec& m) {
   t.finish();
 }
 
-int mission(lua_State* L, Scenario& s) {
+int declare(lua_State* L, Scenario& s) {
   lua_remove(L, 1);  // the table `mission`, which is called
   expect_setup(L, s, "mission", true);
   if (s.mission.declared) refuse(L, Code::lua_argument, "mission", "one mission", "a second one");
@@ -197,6 +198,15 @@ int mission(lua_State* L, Scenario& s) {
   s.mission.simulation.seed = s.seed;
   s.sim->set_options(s.mission.simulation);
   return 0;
+}
+
+/// What `--set` has given is wrong there, not in the line of the script, which says something else.
+int mission(lua_State* L, Scenario& s) try { return declare(L, s); } catch (const InputError& e) {
+  std::vector<Diagnostic> all = e.diagnostics();
+  for (Diagnostic& d : all)
+    for (const Setting& set : s.settings)  // the last one counts
+      if (d.at.key_path == set.key || d.at.key_path.starts_with(set.key + ".")) d.at.mark = setting_mark(set.key, set.value);
+  throw InputError(std::move(all));
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <map>
 
 #include "core/base/units.hpp"
+#include "core/io/yaml_reader.hpp"
 #include "core/model/schema.hpp"
 #include "scripts/bindings/bind.hpp"
 #include "scripts/bindings/operators.hpp"
@@ -24,7 +25,7 @@ void expect_known(const Scenario& s) {
     if (set.used) continue;
     std::string known;
     for (const std::string& name : s.parameter_names) known += name + ", ";
-    refuse(Code::unknown_name, {set.key, {fmt::format("--set {}={}", set.key, set.value)}},
+    refuse(Code::unknown_name, {set.key, setting_mark(set.key, set.value)},
            (known.empty() ? "" : "a parameter (" + known.substr(0, known.size() - 2) + "), ") +
                "bodies..., gravity... or another key path of the vehicle (vehicle....), or mission....",
            in_quotes(set.key), did_you_mean(set.key, s.parameter_names));

@@ -135,8 +135,7 @@ class ParameterReader {
   }
   void report_setting(Code code, std::string expected, std::string got, std::string hint = {}) {
     const Setting& set = *setting();
-    sink_.report(code, {"parameters." + name_, {fmt::format("--set {}={}", set.key, set.value), 0, 0}}, std::move(expected), std::move(got),
-                 std::move(hint));
+    sink_.report(code, {"parameters." + name_, setting_mark(set.key, set.value)}, std::move(expected), std::move(got), std::move(hint));
   }
 
   Quantity quantity(int index, const std::string& path) {
@@ -241,7 +240,7 @@ class ParameterReader {
     if (set && is_one) {
       all[0].value = replaced(set->value, all[0].dimension);
     } else if (set) {
-      const DocNode list = parse_yaml(set->value, fmt::format("--set {}={}", set->key, set->value));
+      const DocNode list = parse_yaml(set->value, setting_mark(set->key, set->value).file);
       if (list.kind != DocNode::Kind::list || list.items.size() != all.size())
         report_setting(Code::wrong_type, fmt::format("a list of {} numbers: [1, 0, 0]", all.size()), in_quotes(set->value));
       else

@@ -1,11 +1,12 @@
 #include <fmt/format.h>
 
-#include <cctype>
 #include <charconv>
 #include <cstdio>
 #include <filesystem>
 #include <new>
+#include <optional>
 #include <sstream>
+#include <string_view>
 
 #include "core/base/activity.hpp"
 #include "core/base/units.hpp"
@@ -16,6 +17,22 @@
 #include "scripts/mission/run_again.hpp"
 
 namespace cardan {
+namespace {
+
+/// "slew_angle = 20 deg", spaces around both taken off; nothing where there is no key.
+std::optional<Setting> setting_of(std::string_view text) {
+  const auto trimmed = [](std::string_view word) {
+    constexpr std::string_view kSpaces = " \t\r\n\v\f";
+    const std::size_t begin = word.find_first_not_of(kSpaces), end = word.find_last_not_of(kSpaces);
+    return std::string(begin == std::string_view::npos ? "" : word.substr(begin, end - begin + 1));
+  };
+  const std::size_t equals = text.find('=');
+  if (equals == std::string_view::npos) return std::nullopt;
+  Setting set{trimmed(text.substr(0, equals)), trimmed(text.substr(equals + 1))};
+  return set.key.empty() ? std::nullopt : std::optional(std::move(set));
+}
+
+}  // namespace
 
 Argument ScenarioArguments::add_to(Command& command, const CommandLine& line, const char* what, const char* type, const char* of_seed) {
   to = &line;
@@ -46,20 +63,19 @@ ScenarioOptions ScenarioArguments::options() const {
     int number = 0;
     for (std::string text; std::getline(lines, text);) {
       if (++number == 1 && text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // the byte-order mark of some editors
-      while (!text.empty() && std::isspace(static_cast<unsigned char>(text.back())) != 0) text.pop_back();
+      if (text.ends_with('\r')) text.pop_back();
       text.erase(0, text.find_first_not_of(" \t"));
       if (text.empty() || text[0] == '#') continue;
-      const std::size_t equals = text.find('=');
-      if (equals == 0 || equals == std::string::npos)
+      const auto set = setting_of(text);
+      if (!set)
         refuse(Code::command_line, {"--settings", {from, number, 1}}, "key=value", in_quotes(text), "mission.integrator.relative=1e-8");
-      o.settings.push_back({text.substr(0, equals), text.substr(equals + 1)});
+      o.settings.push_back(*set);
     }
   }
   for (const std::string& text : settings) {
-    const std::size_t equals = text.find('=');
-    if (equals == 0 || equals == std::string::npos)
-      refuse(Code::command_line, {"--set"}, "key=value", in_quotes(text), "--set slew_angle=\"20 deg\"");
-    o.settings.push_back({text.substr(0, equals), text.substr(equals + 1)});
+    const auto set = setting_of(text);
+    if (!set) refuse(Code::command_line, {"--set"}, "key=value", in_quotes(text), "--set slew_angle=\"20 deg\"");
+    o.settings.push_back(*set);
   }
   return o;
 }

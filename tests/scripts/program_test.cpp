@@ -115,6 +115,43 @@ TEST(Program, TellsWhyAScriptCannotBeRead) {
   EXPECT_TRUE(has(got("/dev/null"), "  got:      a pipe or a device\n"));
 }
 
+// The line of the script was shown, which says something else.
+TEST(Program, WhatASettingOfTheMissionHasWrongIsToldThere) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", "cardan: 1\nbodies: {a: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}}\n");
+  write(dir / "list.yaml", "- a\n- b\n");
+  write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = '5 s' }\n");
+  write(dir / "list.lua", "vehicle 'list.yaml' mission { duration = '5 s' }\n");
+  const auto told = [&](const char* scenario, const std::vector<std::string>& settings) {
+    std::vector<std::string> words{"check", scenario};
+    for (const std::string& set : settings) words.insert(words.end(), {"--set", set});
+    const Finished done = run_program(words, dir.path());
+    EXPECT_EQ(done.exit_code, 2) << done.out;
+    return done.err;
+  };
+  EXPECT_TRUE(has(told(".", {"mission.duration=3", "mission.duration=0"}), "--> --set mission.duration=0\n  at: mission.duration\n"));
+  EXPECT_TRUE(has(told(".", {"mission.durations=3"}), "--> --set mission.durations=3\n  at: mission.durations\n"));
+  EXPECT_TRUE(has(told(".", {"mission.output.rate=-1"}), "--> --set mission.output.rate=-1\n  at: mission.output.rate\n"));
+  EXPECT_TRUE(has(told(".", {"mission.integrator.step=2"}), "--> --set mission.integrator.step=2\n"));
+  EXPECT_TRUE(has(told(".", {"mission.integrator.method=rk4"}), "--> ./scenario.lua:1\n  at: mission.integrator.step\n"));
+  for (const char* file : {"- a\n- b\n", "text\n"}) {  // beside a setting it was: expected: an index below 2
+    write(dir / "list.yaml", file);
+    EXPECT_TRUE(has(told("list.lua", {"bodies.a.mass=3"}), "--> list.yaml:1:1\n") &&
+                has(told("list.lua", {"bodies.a.mass=3"}), "expected: a map"))
+        << told("list.lua", {"bodies.a.mass=3"});
+  }
+}
+
+TEST(Program, SpacesAroundTheSignOfASettingAreNoPartOfIt) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", "cardan: 1\nbodies: {a: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}}\n");
+  write(dir / "scenario.lua", "vehicle 'vehicle.yaml' mission { duration = 1 }\n");
+  write(dir / "settings.txt", "  mission.duration = 2 s  \r\n");
+  EXPECT_TRUE(has(run_program({"check", ".", "--settings", "settings.txt"}, dir.path()).out, ", 2 s\n"));
+  EXPECT_TRUE(has(run_program({"check", ".", "--set", "mission.duration = 3 s"}, dir.path()).out, ", 3 s\n"));
+  EXPECT_EQ(run_program({"check", ".", "--set", " = 3 s"}, dir.path()).exit_code, 2);
+}
+
 TEST(Program, ReadsSettingsBehindAByteOrderMark) {
   const TemporaryFolder dir;
   write(dir / "vehicle.yaml", "cardan: 1\nbodies: {a: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}}\n");
