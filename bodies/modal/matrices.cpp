@@ -56,7 +56,7 @@ void read_nodes(const std::string& path, const Located& at, FeModel& model) {
       const auto [end, error] = std::from_chars(f.data() + f.starts_with('+'), f.data() + f.size(), position[a]);
       numbers = numbers && error == std::errc() && end == f.data() + f.size() && std::isfinite(position[a]);
     }
-    if (!numbers && names.empty() && fields[1] == "x") continue;  // what stands above the columns
+    if (names.empty() && fields[1] == "x" && fields[2] == "y" && fields[3] == "z") continue;  // what stands above the columns
     if (!numbers) bad("name, x, y, z [m]");
     if (!names.emplace(fields[0], static_cast<int>(names.size())).second) bad("a node with a name of its own");
     if (names.size() > kMostNodes) bad("at most 50000 nodes");

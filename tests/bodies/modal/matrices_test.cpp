@@ -625,6 +625,9 @@ TEST(Matrices, ThatCannotBeReadAreRefusedWithTheLine) {
               "M.mtx:1\n  at: modal.matrices.mass\n  expected: a line of less than 1000 bytes\n  got:      a longer one");
   expect_part(with_nodes("a, 0, 0\n"), "nodes.csv:1\n  at: modal.matrices.nodes\n  expected: name, x, y, z [m]\n  got:      a, 0, 0");
   expect_part(with_nodes("a, 0, 0, nan\n"), "expected: name, x, y, z [m]");
+  for (const char* columns : {"name, x, z, y", "name, x, y, w"})  // they were read as x, y, z
+    expect_part(with_nodes(columns + std::string("\na, 0, 0, 0\n")),
+                "nodes.csv:1\n  at: modal.matrices.nodes\n  expected: name, x, y, z [m]");
   expect_part(with_nodes("# none\n"), "got:      no node");
 }
 
