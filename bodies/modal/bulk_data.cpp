@@ -89,6 +89,7 @@ class BulkData {
     if (name == "CONM1" || name == "CONM2") return "a lumped mass is one of `masses`";
     if (name.starts_with("RBE") || name == "RBAR" || name == "MPC" || name == "MPCADD")
       return "what moves rigidly, or with the mean of some nodes, is one of `nodes` with `numbers`";
+    if (name.starts_with("SOL") || name == "CEND") return "what stands before the bulk data ends with a line BEGIN BULK";
     if (name.starts_with('C')) return "a body of solids has no other elements; matrices of the whole go by `matrices`";
     return "it might change mass, stiffness or places; take it out if it does not";
   }

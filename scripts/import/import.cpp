@@ -7,6 +7,7 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
+#include <ranges>
 #include <set>
 
 #include "core/base/units.hpp"
@@ -152,7 +153,12 @@ class VehicleText {
         std::vector<std::string> legal;
         for (const auto& [known, all] : ids)
           if (legal.size() < 1000) legal.push_back(known);
-        refuse(Code::unknown_name, {"--initial"}, "the name of a joint with one coordinate", in_quotes(name), did_you_mean(name, legal));
+        refuse(Code::unknown_name, {"--initial"},
+               fmt::format("the name of a joint with one coordinate: {}{}", fmt::join(legal | std::views::take(20), ", "),
+                           legal.empty()       ? "there is none"
+                           : legal.size() > 20 ? ", ..."
+                                               : ""),
+               in_quotes(name), did_you_mean(name, legal));
       }
       for (const int id : found->second) {
         const bool slides = joint(id)->kind == Kind::slide;

@@ -115,6 +115,7 @@ TEST(Import, TakesItsOptions) {
        {std::tuple{"--base", "fred", "expected: free or fixed"}, std::tuple{"--stop-stiffness", "-1", "expected: a number > 0, in SI"},
         std::tuple{"--friction-width", "wide", "expected: a number > 0, in SI"},
         std::tuple{"--initial", "shoulder", "expected: joint=value"},
+        std::tuple{"--initial", "hip=3", "expected: the name of a joint with one coordinate: "},
         std::tuple{"--initial", "shoulder=3 kg", "expected: an angle of joint \"shoulder\""},
         std::tuple{"--initial", "elbow=3 cm", "expected: an angle of joint \"elbow\""},
         std::tuple{"--leave-out", "legs", "got:      \"legs\""}}) {

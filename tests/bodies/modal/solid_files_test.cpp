@@ -212,6 +212,7 @@ TEST_F(SolidFiles, OfBulkDataAreRefusedWithTheirLine) {
     EXPECT_EQ(refused("a.bdf", text).at.mark.line, 15) << more;
   }
   EXPECT_EQ(refused("a.bdf", "SOL 103\nCEND\nPARAM,WTMASS,.00259\nBEGIN BULK\n" + good).at.mark.line, 3);
+  EXPECT_EQ(refused("a.bdf", "SOL 103\nCEND\n" + good).hint, "what stands before the bulk data ends with a line BEGIN BULK");
   expect("INCLUDE 'other.bdf'", "INCLUDE");
   expect("GRID,200,7,1.,2.,3.", "system 7");
   // Numbers of 17 characters in fields of 16: what is left of -5.0E-02 is -5.0E-0.
