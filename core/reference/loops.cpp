@@ -9,6 +9,9 @@
 namespace cardan::reference {
 namespace {
 
+// Roundings: of a mass matrix whose reciprocal condition is below, of a row beside the longest, of an entry beside what it is made of.
+constexpr double kSingular = 1e3;
+
 /// Rows of one loop, condition by condition.
 template <class T>
 class Conditions {
@@ -75,8 +78,16 @@ class Conditions {
   };
   /// moment and force: on B. `turns`: A pulls about its own origin with the arm d, as where a direction fixed in A is in the condition.
   void add(const T& c, const Vec3<T>& moment, const Vec3<T>& force, const T& gamma, bool turns = true) {
-    VecX<T> G = (B_.Jw - A_.Jw).transpose() * moment + (B_.Jx - A_.Jx).transpose() * force;
-    if (turns) G -= A_.Jw.transpose() * d_.cross(force);
+    using std::abs;
+    const Vec3<T> arm = turns ? Vec3<T>(d_.cross(force)) : Vec3<T>(Vec3<T>::Zero());
+    VecX<T> G = (B_.Jw - A_.Jw).transpose() * moment + (B_.Jx - A_.Jx).transpose() * force - A_.Jw.transpose() * arm;
+    // What is a rounding of what it is made of is nothing: a strut to a pin turns about it freely, and would be held by a row of roundings.
+    const T rounding = T(kSingular) * std::numeric_limits<T>::epsilon();
+    for (int j = 0; j < nv_; ++j) {
+      const T made_of = (A_.Jw.col(j).norm() + B_.Jw.col(j).norm()) * (moment.norm() + arm.norm()) +
+                        (A_.Jx.col(j).norm() + B_.Jx.col(j).norm()) * force.norm();
+      if (abs(G[j]) <= rounding * made_of) G[j] = T(0);
+    }
     all_.push_back({c, gamma, moment, force, G});
   }
   const Frame<T>&A_, &B_;
@@ -211,8 +222,6 @@ LoopRows<T> rows_of(const DenseLoop<T>& loop, const Frame<T>& A, const Frame<T>&
   }
   return on.rows();
 }
-
-constexpr double kSingular = 1e3;  // roundings: of a mass matrix whose reciprocal condition is below, of a row beside the longest
 
 template <class T>
 ClosedMotion<T> closed_motion(const MatX<T>& M, const VecX<T>& force, const MatX<T>& G, const VecX<T>& gamma, double tolerance) {
