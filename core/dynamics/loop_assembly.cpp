@@ -207,12 +207,18 @@ class Assembler {
     std::ranges::sort(free);
     const MatrixXd root = root_of(free, M);
     look(q);
-    const MatrixXd G = rows() * Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(
-                                    ws_.loops->G.data(), m_.loops.rows, m_.nv);
-    const MatrixXd A = root.triangularView<Eigen::Lower>().solve(G(Eigen::all, free).transpose()).transpose();
+    const auto scale = rows();
+    MatrixXd G = scale * Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(ws_.loops->G.data(),
+                                                                                                                  m_.loops.rows, m_.nv);
     VectorXd open = G * v;
-    for (const Loop& loop : m_.loops.all)
-      if (loop.drive >= 0) open[loop.first] = 0.0;  // moves as it did
+    for (const Loop& loop : m_.loops.all) {
+      if (loop.drive < 0) continue;
+      if (const auto& rate = m_.spec->loops[static_cast<std::size_t>(loop.spec)].rate)
+        open[loop.first] -= scale.diagonal()[loop.first] * *rate;
+      else
+        open[loop.first] = 0.0, G.row(loop.first).setZero();
+    }
+    const MatrixXd A = root.triangularView<Eigen::Lower>().solve(G(Eigen::all, free).transpose()).transpose();
     const VectorXd d = root.transpose().triangularView<Eigen::Upper>().solve(damped(A, -open, kDoubt));
     for (std::size_t i = 0; i < free.size(); ++i) v[free[i]] += d[static_cast<Eigen::Index>(i)];
   }

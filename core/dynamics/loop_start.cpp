@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 
 #include "core/base/units.hpp"
@@ -69,8 +70,8 @@ OpenRows open_rows(const Model& model, const LoopPass& pass, const LoopWork& wor
         text += fmt::format("{}{} {:.3g}{}{}", text.empty() ? "" : "; ", name, value, unit_of_row(loop, W), per);
       };
       if (!(std::abs(work.c[at]) <= kStart * size)) add(places, work.c[at], "");
-      const bool given = loop.drive >= 0;  // its rate is told by the mission
-      if (!given && !(std::abs(work.rate[at]) <= kStart * pace)) add(rates, work.rate[at], couples ? " 1/s" : "/s");
+      const std::optional<double> rate = loop.drive < 0 ? 0.0 : model.spec->loops[static_cast<std::size_t>(loop.spec)].rate;
+      if (rate && !(std::abs(work.rate[at] - *rate) <= kStart * pace)) add(rates, work.rate[at] - *rate, couples ? " 1/s" : "/s");
     }
     out.any_place = out.any_place || !places.empty(), out.any_rate = out.any_rate || !rates.empty();
     out.places.push_back(std::move(places)), out.rates.push_back(std::move(rates));

@@ -172,6 +172,8 @@ struct LoopSpec {
   double offset = 0.0;
   bool prescribed = false;  // of a distance or coupling: by how much `length` or `offset` is more is given as a function of time
   bool open = false;        // it closes nothing, until it is closed (core/sim/rejoin.hpp)
+  /// [m/s, 1/s] Of what is prescribed, at the start: rates that nothing gives go with it. Not given: it is not known yet.
+  std::optional<double> rate;
   /// Of what is closed in a run: a weld holds the pose that its ends have then, and `to` becomes that place; a coupling of terms takes
   /// their sum as its offset.
   bool as_found = false;

@@ -127,16 +127,25 @@ void Simulation::expect_profiles() {
   start_lengths();
 }
 
-void Simulation::start_lengths() {
-  if (drives_.empty()) return;
+std::vector<std::pair<const Loop*, double>> Simulation::lengths_that_begin_otherwise() {
+  std::vector<std::pair<const Loop*, double>> out;
+  if (drives_.empty()) return out;
   const Eigen::VectorXd rates = loop_matrix(*model_, workspace_, state_.q.data(), drives_.data()) * state_.v;
   observed_ = ledger_known_ = false;
   const double limit = kGivenOpen * scale_of_rates();
   for (const Loop& loop : model_->loops.all) {
     if (loop.drive < 0) continue;
+    const double rate = rates[loop.first], wanted = prescribed_loops_[static_cast<std::size_t>(loop.drive)].profile.rate(state_.t);
+    if (std::abs(rate) > limit && std::abs(rate - wanted) > limit) out.emplace_back(&loop, rate);
+  }
+  return out;
+}
+
+void Simulation::start_lengths() {
+  for (const auto& [begun, rate] : lengths_that_begin_otherwise()) {
+    const Loop& loop = *begun;
     const PrescribedLoop& p = prescribed_loops_[static_cast<std::size_t>(loop.drive)];
-    const double rate = rates[loop.first], wanted = p.profile.rate(state_.t);
-    if (std::abs(rate) <= limit || std::abs(rate - wanted) <= limit) continue;  // from rest the vehicle begins with the profile's
+    const double wanted = p.profile.rate(state_.t);
     const auto unit = [&](double x) { return fmt::format("{:.6g}{}", x, loop.closing == Closing::distance ? " m/s" : " 1/s"); };
     if (!p.given)
       refuse(Code::open_start, model_->spec->locate("loops." + loop.name),

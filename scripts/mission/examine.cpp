@@ -285,8 +285,37 @@ double shortest_interval(const Scenario& s) {
 
 bool scripts_act(const Scenario& s) { return !s.controllers.empty() || !s.phases.empty() || !s.events.empty() || !s.sequences.empty(); }
 
+/// Rates that nothing gives are those that go with given motions, lengths and offsets as these begin. Where all are given the run says what
+/// becomes of them.
+void follow_profiles(Scenario& s) {
+  if (s.model->loops.n_drives == 0) return;
+  State state = s.sim->state();
+  auto spec = std::make_shared<SystemSpec>(s.beginning ? *s.beginning : *s.changes.described());
+  for (std::size_t i = 0; i < spec->bodies.size(); ++i) {
+    const UserBody& u = s.model->user[i];
+    const MotionProfile* profile = u.nv == 1 && state.v[u.v] == 0.0 ? s.sim->profile(u.v) : nullptr;
+    if (profile) spec->bodies[i].hinge.v = {state.v[u.v] = profile->rate(state.t)};
+  }
+  s.sim->set_state(state);
+  if (s.sim->lengths_that_begin_otherwise().empty()) return;
+  for (LoopSpec& loop : spec->loops) {
+    if (!loop.prescribed || loop.open) continue;
+    const MotionProfile* profile = s.sim->loop_profile(loop.name);
+    loop.rate = profile ? profile->rate(state.t) : 0.0;
+  }
+  try {
+    const std::shared_ptr<const Model> closed = compile(spec, s.registry, s.compile_options());
+    const State start = closed->initial_state();
+    state.q = start.q, state.v = start.v;
+    s.sim->set_state(state);
+    s.beginning = std::move(spec), s.moved_by_beginning = closed->loops.moved;
+  } catch (const InputError&) {
+  }
+}
+
 void examine(Scenario& s) {
   s.warnings.add(s.model->spec->warnings);
+  follow_profiles(s);
   s.sim->expect_profiles();
   const SimulationOptions& options = s.mission.simulation;
   if (is_diagonalised(options.dynamics))
