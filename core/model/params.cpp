@@ -286,6 +286,7 @@ class TableFile {
   }
 
   void line(std::string_view text, int number) {
+    if (!places_known_) return;
     if (number == 1 && text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
     text = trimmed(text.substr(0, text.find('#')));
     if (text.empty()) return;
@@ -299,7 +300,7 @@ class TableFile {
     const bool first = std::exchange(first_, false);
     if (first &&
         std::ranges::any_of(fields, [](std::string_view f) { return !f.empty() && std::isalpha(static_cast<unsigned char>(f[0])); }))
-      return read_head(fields);
+      return void(places_known_ = read_head(fields));
     if (fields.size() != width_) {
       const std::string given = width_ == table_.count ? columns(table_) : "as many as the first line names";
       return fault(Code::wrong_type, fmt::format("{} values: {}", width_, given), fmt::format("{} values", fields.size()));
@@ -313,22 +314,28 @@ class TableFile {
     sink_.report(code, {at_.key_path, {path_, line_, 0}}, std::move(expected), std::move(got), std::move(hint));
   }
 
-  /// The first line, where it names columns: those of the table in any order, among others that do not count.
-  void read_head(const std::vector<std::string_view>& fields) {
+  bool refuse_head(std::string got) {
+    fault(Code::wrong_type, "the columns " + columns(table_), in_quotes(got),
+          got.find_first_of(";\t") == std::string::npos ? "" : "commas part the columns, and a point is the decimal sign");
+    return false;
+  }
+
+  /// The first line, where it names columns: those of the table in any order, among others that do not count. False where they are not
+  /// there.
+  bool read_head(const std::vector<std::string_view>& fields) {
     const auto name_of = [](std::string_view field) { return trimmed(field.substr(0, field.find('['))); };
     width_ = fields.size();
     for (std::size_t i = 0; i < table_.count; ++i) {
       const auto named = std::ranges::find(fields, std::string_view(table_.names[i]), name_of);
-      if (named == fields.end())
-        return fault(Code::wrong_type, "the columns " + columns(table_), in_quotes(fmt::format("{}", fmt::join(fields, ", "))));
+      if (named == fields.end()) return refuse_head(fmt::format("{}", fmt::join(fields, ", ")));
       place_[i] = static_cast<std::size_t>(named - fields.begin());
       const std::string_view unit = trimmed(named->substr(name_of(*named).size()));
       const auto wanted = parse_unit(column_unit(table_, i));
       const auto given = unit.size() > 2 && unit.back() == ']' ? parse_unit(unit.substr(1, unit.size() - 2)) : std::nullopt;
-      if (!unit.empty() && (!given || !(given->dimension == wanted->dimension)))
-        return fault(Code::wrong_type, "the columns " + columns(table_), in_quotes(*named));
+      if (!unit.empty() && (!given || !(given->dimension == wanted->dimension))) return refuse_head(std::string(*named));
       if (given) factors_[i] = given->factor;
     }
+    return true;
   }
 
   void read_field(std::string_view field, std::size_t i) {
@@ -349,7 +356,7 @@ class TableFile {
   std::vector<double> factors_, all_;  // of units in the first line; 0: none there
   std::vector<std::size_t> place_;     // of the columns of the table in a line
   std::size_t width_;                  // values in a line
-  bool first_ = true;
+  bool first_ = true, places_known_ = true;
   int line_ = 0;
 };
 

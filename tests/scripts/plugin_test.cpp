@@ -326,6 +326,17 @@ TEST(PluginTables, AreRefusedWithTheirLine) {
             "  hint:     with one row the body would not move: type: locked");
   write(dir / "t.csv", "x, y, w\n");
   EXPECT_EQ(dir.refusal("t.csv"), "error[C0106]: wrong type of value\n  expected: the columns " + columns + "\n  got:      \"x, y, w\"");
+  // Rows as wide as a first line without the columns were read beyond their end: the program crashed.
+  write(dir / "t.csv", "x, y\n1, 2\n3, 4\n");
+  EXPECT_EQ(dir.refusal("t.csv"), "error[C0106]: wrong type of value\n  expected: the columns " + columns + "\n  got:      \"x, y\"");
+  for (const char* mark : {";", "\t"}) {
+    std::string table = "x; y; z\n1; 2; 3\n4; 5; 6\n";
+    for (std::size_t at; *mark != ';' && (at = table.find(';')) != std::string::npos;) table.replace(at, 1, mark);
+    write(dir / "t.csv", table);
+    const std::string told = dir.refusal("t.csv");
+    EXPECT_TRUE(told.starts_with("error[C0106]: wrong type of value\n  expected: the columns " + columns)) << told;
+    EXPECT_TRUE(has(told, "hint:     commas part the columns, and a point is the decimal sign")) << told;
+  }
   write(dir / "t.csv", "x [kg], y, z\n");
   EXPECT_EQ(dir.refusal("t.csv"), "error[C0106]: wrong type of value\n  expected: the columns " + columns + "\n  got:      \"x [kg]\"");
   write(dir / "t.csv", "1, 2, 3\n4, 5\n");
