@@ -337,10 +337,11 @@ void io(Archive& a, ModalData& d, const Parts& parts) {
 /// The content of an open file with the right shapes, and the hash written beside it (empty: none).
 std::string read(const Hdf5File& file, ModalData& data) {
   const std::string& name = file.file_name();
-  const std::string schema = file.has_attribute("/", "schema") ? file.text_attribute("/", "schema") : "none";
+  const bool has_schema = file.has_attribute("/", "schema");
+  const std::string schema = has_schema ? file.text_attribute("/", "schema") : "";
   if (schema != kSchema)
-    refuse({"", {name}}, "schema", Code::bad_result_file, kSchema, in_quotes(printable(schema)),
-           "write the file with this version of the program");
+    refuse({"", {name}}, "schema", Code::bad_result_file, fmt::format("a modal file: the attribute schema of / is {}", in_quotes(kSchema)),
+           has_schema ? in_quotes(schema) : "no such attribute", "`cardan modes` writes one; its layout is in docs/modal_files.md");
   Reader reader(file);
   const Parts parts{file.has("/integrals"), file.has("/nodes"), file.has("/mass_nodes"), file.has("/audit"), file.has("/drawing")};
   if (!parts.integrals && !parts.mass_nodes) bad_file(name, "/integrals", "integrals, or mass nodes to compute them from", "neither");

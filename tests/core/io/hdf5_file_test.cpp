@@ -106,7 +106,7 @@ TEST(Hdf5File, TellsWhyAFileCannotBeCreated) {
 TEST(Hdf5File, TellsWhyAFileCannotBeRead) {
   const std::string path = scratch("not_hdf5.h5");
   std::ofstream(path) << "plain text";
-  EXPECT_EQ(error_of([&] { Hdf5File::open(path); }), "error[C0702]: result file cannot be read\n  --> " + path +
+  EXPECT_EQ(error_of([&] { Hdf5File::open(path); }), "error[C0702]: HDF5 file cannot be read\n  --> " + path +
                                                          "\n  expected: an HDF5 file\n"
                                                          "  got:      file signature not found\n"
                                                          "\n1 error. Nothing was run.\n");
