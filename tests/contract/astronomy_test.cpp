@@ -1,6 +1,7 @@
 // Dates, the orientation of the Earth, celestial bodies; fields that go by them.
 #include "plugins/astronomy/earth.hpp"
 
+#include <algorithm>
 #include <clocale>
 #include <cmath>
 #include <numbers>
@@ -302,6 +303,21 @@ TEST(Sunlight, ComesFromTheSunOfItsDate) {
                 .dot(-vector_of(celestial_position(Celestial::sun, Celestial::earth, Epoch::of(date.c_str(), 0.0)->tt.after(86400.0)))
                           .normalized()),
             1.0 - 1e-8);
+}
+
+/// Of a disc of 0.05 rad what a sphere four times as large leaves: ring by ring, each by the arc of it that is covered.
+TEST(Sunlight, IsWhatTheSphereLeavesOfTheDisc) {
+  const double a = 0.05, b = 0.21, r = 1e7;
+  const AskedField light("sunlight", {{"irradiance", {1.0}}, {"direction", {1.0, 0.0, 0.0}}, {"disc", {a}}, {"radius", {r * std::sin(b)}}});
+  for (const double c : {0.165, 0.19, 0.21, 0.24, 0.255}) {
+    constexpr int kRings = 20000;
+    double seen = 1.0;
+    for (int i = 0; i < kRings; ++i) {
+      const double ring = a * (i + 0.5) / kRings, cosine = (ring * ring + c * c - b * b) / (2.0 * ring * c);
+      seen -= 2.0 * ring / a / kRings * std::acos(std::clamp(cosine, -1.0, 1.0)) / std::numbers::pi;
+    }
+    EXPECT_NEAR(light.at(r * Vector3d(-std::cos(c), std::sin(c), 0.0)).value.norm(), seen, 3e-7) << c;  // (1 / kRings)^1.5 at the edges
+  }
 }
 
 /// About the Sun it comes from the origin.

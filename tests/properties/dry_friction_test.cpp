@@ -213,15 +213,18 @@ TEST(DryFriction, WhatComesToRestAlikeStaysTogether) {
   };
   for (const std::string method : {"dopri5", "dop853", "cvode_bdf"})
     for (const double way : {1.0, -1.0})
-      for (const double ahead : {0.0, 1e-14, 1e-12, -1e-11, 1e-11}) {
+      for (const double ahead : {0.0, 1e-14, 1e-12, -1e-11, 1e-11, 3e-6}) {
         SystemSpec spec = system({on(rigid("hub", 4.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "free"), wing("left", -1.0, 0.7, 1.0),
                                   wing("right", 1.0, 0.7 + ahead, way)});
         for (const char* at : {"left", "right"})
           spec.devices.push_back(device(std::string("drag_") + at, "dry_friction", {{"coulomb", 0.3}, {"breakaway", 0.65}}, {{"at", at}}));
-        Simulation sim(compiled(spec), accurate(method));
+        SimulationOptions options = accurate(method);
+        const bool coarse = ahead > 1e-11;  // a hundred tolerances, what errors of many steps move them apart by
+        if (coarse) options.integrator.relative_tolerance = 1e-7;
+        Simulation sim(compiled(spec), options);
         sim.run(3.0);
         EXPECT_GT(sim.state().q[7], 0.05) << method << " " << ahead;
-        EXPECT_NEAR(way * sim.state().q[8], sim.state().q[7], 1e-9) << method << " " << ahead << " " << way;
+        EXPECT_NEAR(way * sim.state().q[8], sim.state().q[7], coarse ? 1e-4 : 1e-9) << method << " " << ahead << " " << way;
         EXPECT_EQ(sim.state().marks[0] * sim.state().marks[2], 1.0) << method << " " << ahead << " " << way;
       }
 }

@@ -209,6 +209,25 @@ TEST(Ports, GivesWhatWasSomeTicksAgo) {
   }
 }
 
+/// Each of them, where the vehicle becomes another one meanwhile.
+TEST(Ports, WhatIsUnderWayStaysSoWhereTheVehicleChanges) {
+  DeviceSpec one = block("one", "sampler", 20.0), two = block("two", "sampler", 20.0);
+  one.inputs["x"] = delayed("clock.y", 3), two.inputs["x"] = delayed("clock.y + other.y", 3);
+  const std::shared_ptr<const Model> model = with_own({block("clock", "clock"), block("other", "clock"), one, two});
+  Simulation sim(model, {});
+  std::vector<double> of_one, of_two;
+  sim.every({1, 20}, [&] {
+    of_one.push_back(sim.device_output(output(sim.model(), "one"))), of_two.push_back(sim.device_output(output(sim.model(), "two")));
+  });
+  sim.every({1, 1}, [&] { sim.adopt(model); }, {3, 10});
+  sim.run(0.52);
+  ASSERT_EQ(of_two.size(), 11u);
+  for (std::size_t k = 4; k < of_two.size(); ++k) {
+    EXPECT_EQ(of_one[k], static_cast<double>(k - 4) / 20.0) << k;
+    EXPECT_EQ(of_two[k], 2.0 * of_one[k]) << k;
+  }
+}
+
 /// From a device that samples to one that is continuous: at the ticks of the giver, held between.
 TEST(Ports, ADelayToAContinuousDeviceTicksWithWhoGives) {
   DeviceSpec held = block("held", "sampler", 10.0), sum = block("sum", "integral");

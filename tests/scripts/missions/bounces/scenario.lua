@@ -26,3 +26,7 @@ for _, row in ipairs { "a", "b" } do
     check { name = row .. i, unit = "m/s", value = function() return (sat:body(row .. i):velocity()) end, equal = { i == 4 and 1 or 0, tolerance = 1e-12 } }
   end
 end
+-- Struck at both ends in one instant, at 2 and 1 m/s, each blow goes through to the other end.
+for i, speed in ipairs { -1, 0, 0, 0, 2 } do
+  check { name = "c" .. i, unit = "m/s", value = function() return (sat:body("c" .. i):velocity()) end, equal = { speed, tolerance = 1e-12 } }
+end
