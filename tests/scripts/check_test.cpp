@@ -269,6 +269,15 @@ TEST_F(Physics, WhatABeamCarriesAlongItselfIsToldOfAfterTheRun) {
   EXPECT_TRUE(has(told("[9.81, 0, 0]", "", fixed), "a tension"));
   const std::string load = told("[-9.81, 0, 0]", "  load: {type: particle, mass: 10 kg, hinge: {type: locked, to: rod.tip}}\n", fixed);
   EXPECT_TRUE(has(load, "a compression") && !has(load, "order of 0.")) << load;
+  // At its other end it hangs, with 20 kg and what counts of its own below: 9.81 (20 + 0.315 * 0.972) N.
+  std::string hangs = file_text(folder_ / "v.yaml");
+  for (const auto& [what, by] : {std::pair("modes: {count: 2}", "boundary: free\n      modes: {count: 2}"),
+                                 {"{tip: {position: [2, 0, 0]}", "{tip: {position: [2, 0, 0]}, foot: {position: [0, 0, 0]}"},
+                                 {"to: world", "to: world, at: tip"},
+                                 {"10 kg, hinge: {type: locked, to: rod.tip}", "20 kg, hinge: {type: locked, to: rod.foot}"}})
+    hangs = replaced(hangs, what, by);
+  write(hangs);
+  EXPECT_TRUE(has(run({"run", ".", "--out", "o"}).err, "rod carries 199 N along itself, a tension")) << hangs;
   EXPECT_EQ(told("[0, 0, -9.81]", "", fixed), "");
   // On a sled that takes it along with 25 m/s^2, as much as its stiffness for 1 kg at its end, or shakes it ten times as fast as it bends.
   const auto on_sled = [&](const std::string& rates) {
