@@ -24,6 +24,28 @@ std::string with_unit(std::string value, std::string_view unit) {
 
 std::string vector_text(const Eigen::Vector3d& v) { return fmt::format("[{:.6g}, {:.6g}, {:.6g}]", v.x(), v.y(), v.z()); }
 
+/// Of a number without a unit, which is in SI by that: what one types in degrees, or for the mu of a planet in km^3/s^2.
+void doubt_unit(const DocRef& value, double number, std::string_view unit, Warnings& doubts) {
+  const std::string& text = value.node->text;
+  if (const double turns = number / (2.0 * std::numbers::pi);
+      unit == "rad" && std::abs(turns) > 1.0 && 2.0 * number == std::round(2.0 * number))
+    doubts.add(Code::unusual_value, value.at(), fmt::format("{0} without a unit is {0} rad, {1:.3g} turns", text, turns),
+               fmt::format(R"("{0} deg", or "{0} rad" where that is meant)", text));
+  struct Planet {
+    const char* name;
+    double mu;  // [km^3/s^2]
+  };
+  constexpr Planet kPlanets[] = {{"the Sun", 1.32712440018e11}, {"Mercury", 22031.9},   {"Venus", 324859},         {"the Earth", 398600.44},
+                                 {"the Moon", 4902.8},          {"Mars", 42828.4},      {"Jupiter", 1.26686534e8}, {"Saturn", 3.7931187e7},
+                                 {"Uranus", 5.793939e6},        {"Neptune", 6.836529e6}};
+  if (unit != "m^3/s^2") return;
+  for (const auto& [name, mu] : kPlanets)
+    if (std::abs(number - mu) < 1e-3 * mu)
+      doubts.add(Code::unusual_value, value.at(),
+                 fmt::format("{0} without a unit is {0} m^3/s^2: that of {1} is so much in km^3/s^2", text, name),
+                 fmt::format(R"("{0} km^3/s^2", or "{0} m^3/s^2" where that is meant)", text));
+}
+
 }  // namespace
 
 std::string expected_number(std::string_view unit) { return describe(parse_unit(unit).value_or(Unit{}).dimension); }
@@ -62,11 +84,7 @@ double read_number(const DocRef& value, std::string_view unit, ReadContext& cont
   const std::string& text = value.node->text;
   const auto result = parse_quantity(text, unit);
   if (const double* number = std::get_if<double>(&result)) {
-    const bool is_round = 2.0 * *number == std::round(2.0 * *number);  // as one types degrees
-    if (context.doubts && unit == "rad" && is_round && std::abs(*number) > 2.0 * std::numbers::pi && parse_number(text))
-      context.doubts->add(Code::unusual_value, value.at(),
-                          fmt::format("{0} without a unit is {0} rad, {1:.3g} turns", text, *number / (2.0 * std::numbers::pi)),
-                          fmt::format(R"("{0} deg", or "{0} rad" where that is meant)", text));
+    if (context.doubts && parse_number(text)) doubt_unit(value, *number, unit, *context.doubts);
     return *number;
   }
   const auto& fault = std::get<QuantityFault>(result);

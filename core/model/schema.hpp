@@ -39,8 +39,8 @@ std::string expected_number(std::string_view unit);
 /// "a, b or c"
 std::string one_of(const std::vector<std::string>& names);
 
-/// A number with a unit that converts to `unit` (core/base/units.hpp), in SI. NaN after a fault. Whole and half numbers above a
-/// turn that are an angle without a unit are doubted (W0302).
+/// A number with a unit that converts to `unit` (core/base/units.hpp), in SI. NaN after a fault. Without a unit, whole and half numbers of
+/// more than a turn that are an angle, and the mu of a planet in km^3/s^2, are doubted (W0302).
 double read_number(const DocRef& value, std::string_view unit, ReadContext& context);
 /// A list of `count` numbers (0: any number of them); empty after a fault of the list itself.
 std::vector<double> read_numbers(const DocRef& value, std::string_view unit, std::size_t count, ReadContext& context);

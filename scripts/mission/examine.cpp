@@ -168,15 +168,23 @@ std::vector<Pulled> pulled_bodies(const std::shared_ptr<const Model>& model, con
 
 /// The pull is to second order in size over distance (docs/mathematics/gravity.md, 2): all that mass and inertia tell of one body, and not
 /// of several that are fixed to each other. The third difference of gravity over its size, along itself: (size / distance)^3 of the weight
-/// about one centre.
-void look_at_long_bodies(Scenario& s) {
+/// about one centre. And a pull that nothing has: a start in other units.
+void look_at_pull(Scenario& s) {
+  constexpr double kMostPull = 1e4;  // [m/s^2] the Sun has 274 at its surface
   const GravityField& gravity = s.model->field;
-  if (!gravity.pulls() || !gravity.gradient) return;
+  if (!gravity.pulls()) return;
   const FieldMoment* moment = s.sim->gravity_moment();
   for (const Pulled& b : pulled_bodies(s.model, s.sim->state().q.data())) {
-    if (!b.several) continue;
     const auto at = [&](const Eigen::Vector3d& x) { return to_eigen(soa::field_at<double>(gravity, {x[0], x[1], x[2]}, moment)); };
-    const Eigen::Vector3d weight = at(b.place), step = 0.5 * b.gyration * weight.normalized();
+    const Eigen::Vector3d weight = at(b.place);
+    if (weight.norm() > kMostPull)
+      s.warnings.add(
+          Code::unusual_value, s.model->spec->locate(body_path(*b.spec) + ".hinge"),
+          fmt::format("{} begins at [{:.6g}, {:.6g}, {:.6g}] m, where gravity is {:.3g} m/s^2: no planet has more than 25, the Sun 274",
+                      b.spec->name, b.place.x(), b.place.y(), b.place.z(), weight.norm()),
+          "a place without a unit is in m: 6878.137 km");
+    if (!b.several || !gravity.gradient) continue;
+    const Eigen::Vector3d step = 0.5 * b.gyration * weight.normalized();
     const Eigen::Vector3d third = at(b.place + 3.0 * step) - at(b.place - 3.0 * step) - 3.0 * (at(b.place + step) - at(b.place - step));
     const double rest = third.norm() / (24.0 * weight.norm());
     if (!(rest >= kLeftOfPull)) continue;
@@ -309,7 +317,7 @@ void follow_profiles(Scenario& s) {
     state.q = start.q, state.v = start.v;
     s.sim->set_state(state);
     s.beginning = std::move(spec), s.moved_by_beginning = closed->loops.moved;
-  } catch (const InputError&) {
+  } catch (const InputError&) {  // given rates do not go with the profiles: expect_profiles() tells which
   }
 }
 
@@ -323,7 +331,7 @@ void examine(Scenario& s) {
   choose_method_of(s);
   look_at_open_loops(s);
   expect_away_from_centre(s.model, s.sim->state().q.data());
-  look_at_long_bodies(s);
+  look_at_pull(s);
   expect_tolerances_above_rounding(s);
   look_at_ticks(s);
   look_at_dates(s);

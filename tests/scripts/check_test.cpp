@@ -349,6 +349,23 @@ TEST_F(Physics, AnglesWithoutAUnitThatAreManyTurnsAreDoubted) {
   EXPECT_EQ(initial("0", "initial { boom = { angle = \"-45 deg\" } }\n"), "");
 }
 
+TEST_F(Physics, KilometresWithoutAUnitAreDoubted) {
+  const auto orbit = [&](const std::string& mu, const std::string& x) {
+    write("cardan: 1\ngravity: {central: {mu: " + mu +
+              "}}\nbodies:\n  a: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world, initial: "
+              "{position: [" +
+              x + ", 0, 0], velocity: [0, 7.6 km/s, 0]}}}\n",
+          "vehicle \"v.yaml\"\nmission { duration = 1 }\n");
+    return codes();
+  };
+  for (const char* mu : {"3.986004418e14", "398600.4418 km^3/s^2"}) EXPECT_EQ(orbit(mu, "6878.137 km"), "") << mu;
+  EXPECT_EQ(orbit("446300", "20 km"), "") << "an asteroid";
+  EXPECT_EQ(orbit("398600.4418", "6878.137 km"), "W0302 ");
+  EXPECT_TRUE(has(check().err, "at: gravity.central.mu") && has(check().err, "that of the Earth is so much in km^3/s^2")) << check().err;
+  EXPECT_EQ(orbit("3.986004418e14", "6878.137"), "W0302 ");
+  EXPECT_TRUE(has(check().err, "at: bodies.a.hinge") && has(check().err, "where gravity is 8.43e+06 m/s^2")) << check().err;
+}
+
 TEST_F(Physics, FieldsThatBeginOnDifferentDatesAreToldSo) {
   const auto dated = [&](const std::string& moon, const std::string& light) {
     write(
