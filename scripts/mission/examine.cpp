@@ -142,6 +142,7 @@ void choose_method_of(Scenario& s) {
 struct Pulled {
   const BodySpec* spec;
   bool several;
+  bool anywhere;          // its hinge has a place
   Eigen::Vector3d place;  // [m] of its mass centre, world axes
   double gyration;        // [m] radius about that
 };
@@ -160,6 +161,7 @@ std::vector<Pulled> pulled_bodies(const std::shared_ptr<const Model>& model, con
     const operators::Placement &frame = placed.bodies[i], &reference = placed.reference;
     found.push_back({&m.spec->bodies[static_cast<std::size_t>(user)],
                      std::ranges::any_of(m.user, [&](const UserBody& u) { return u.merged && u.sweep == sweep; }),
+                     std::ranges::count(m.user[static_cast<std::size_t>(user)].v_units, "m/s") == 3,
                      reference.p + reference.R * (frame.p + frame.R * com),
                      std::sqrt(std::max(0.0, 0.5 * M.topLeftCorner<3, 3>().trace() / mass - com.squaredNorm()))});
   }
@@ -177,7 +179,7 @@ void look_at_pull(Scenario& s) {
   for (const Pulled& b : pulled_bodies(s.model, s.sim->state().q.data())) {
     const auto at = [&](const Eigen::Vector3d& x) { return to_eigen(soa::field_at<double>(gravity, {x[0], x[1], x[2]}, moment)); };
     const Eigen::Vector3d weight = at(b.place);
-    if (weight.norm() > kMostPull)
+    if (b.anywhere && weight.norm() > kMostPull)
       s.warnings.add(
           Code::unusual_value, s.model->spec->locate(body_path(*b.spec) + ".hinge"),
           fmt::format("{} begins at [{:.6g}, {:.6g}, {:.6g}] m, where gravity is {:.3g} m/s^2: no planet has more than 25, the Sun 274",

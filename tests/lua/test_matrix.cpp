@@ -110,7 +110,7 @@ TEST(LuaMatrix, ShapesThatDoNotFitAreNamed) {
   EXPECT_EQ(b.fault("return A * x"),
             "matrix 3x3 times vector of 4 | a number, a vector of 3 or a matrix of 3 rows on the right | matrix 3x3 and vector of 4");
   EXPECT_EQ(b.fault("return x * A"), "vector of 4 times matrix 3x3 | a number or a matrix on the left | vector of 4 and matrix 3x3");
-  EXPECT_EQ(b.fault("return x * {1}"), "vector of 4 times table | a number or a matrix on the left | vector of 4 and table");
+  EXPECT_EQ(b.fault("return x * {1}"), "vector of 4 times {1} | a number or a matrix on the left | vector of 4 and {1}");
   EXPECT_EQ(b.fault("return A + x"), "matrix 3x3 plus vector of 4 | two of the same shape | matrix 3x3 and vector of 4");
   EXPECT_EQ(b.fault("return A - 1"), "matrix 3x3 minus 1 (number) | two of the same shape | matrix 3x3 and 1 (number)");
   EXPECT_EQ(b.fault("return A:solve(x)"), "matrix 3x3:solve(vector of 4) | a right-hand side of 3 rows | a vector of 4");
