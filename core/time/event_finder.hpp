@@ -288,14 +288,15 @@ class EventFinder {
   template <class StateAt>
   double locate(std::size_t i, const Point& beyond, double resolution, StateAt& state_at) {
     Point a{t_begin_[i], g_begin_[i]}, b = beyond;
-    double before = b.t - a.t;  // the bracket, up to three looks ago
-    int stayed = 0;             // which end: -1 a, +1 b
+    const int before_it = sign(a.g);  // weights may take a.g itself to zero
+    double before = b.t - a.t;        // the bracket, up to three looks ago
+    int stayed = 0;                   // which end: -1 a, +1 b
     bool halve = false;
     for (int k = 1; b.t - a.t > resolution; ++k) {
       const double guess = halve ? 0.5 * (a.t + b.t) : b.t - b.g * (b.t - a.t) / (b.g - a.g);
       const double t = std::clamp(guess, a.t + 0.5 * resolution, b.t - 0.5 * resolution);
       evaluate(t, state_at(t), g_);
-      const bool is_beyond = sign(g_[i]) != sign(a.g);
+      const bool is_beyond = sign(g_[i]) != before_it;
       Point &moves = is_beyond ? b : a, &stays = is_beyond ? a : b;
       if (const int side = is_beyond ? -1 : 1; std::exchange(stayed, side) == side)
         stays.g *= std::abs(g_[i]) < std::abs(moves.g) ? 1.0 - g_[i] / moves.g : 0.5;
