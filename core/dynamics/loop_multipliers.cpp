@@ -8,6 +8,7 @@ namespace cardan {
 namespace {
 
 constexpr double kRounding = 1e-12;      // of accelerations that cancel
+constexpr double kTurning = 1e-3;        // the same of centripetal ones, which are products, over it
 constexpr double kStill = 1e-12;         // [rad/s]
 constexpr double kContradiction = 1e-6;  // what may be missing in the acceleration of a redundant row, relative to those of the open tree
 
@@ -19,7 +20,7 @@ double rounding_of(const Model& model, const Workspace& ws, const Inputs& in, co
   for (const LoopEnd* end : {&loop.from, &loop.to}) {
     const BodyMotion<double> body = motion_of_body(model, ws, in, end->sweep, vdot, After::forward);
     const Motion<double> a = body.gamma + body.delta;
-    size += std::sqrt(dot(a.v, a.v)) + loop.lever * std::sqrt(dot(a.w, a.w));
+    size += std::sqrt(dot(a.v, a.v)) + loop.lever * (std::sqrt(dot(a.w, a.w)) + kTurning * dot(body.w, body.w));
   }
   const std::vector<double>& gradient = work.gradient[static_cast<std::size_t>(&loop - model.loops.all.data())];
   for (std::size_t i = 0; i < gradient.size(); ++i)

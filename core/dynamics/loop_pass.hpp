@@ -38,7 +38,7 @@ struct LoopWork {
   std::vector<int> may_be_held;                 // components that devices hold, of hinges that move the ends of loops against each other
   std::vector<double> B, L, Lambda, N, NN, y;
   int rank = 0;
-  double smallest = 0.0, largest = 0.0;
+  double smallest = 0.0, largest = 0.0, dependent = 0.0;  // pivots that were kept, that were not; what a pivot was to exceed
   // What acts on the bodies before the inward sweeps; on bodies but rotors from where it stands in the workspace to z.
   std::vector<std::pair<const Force<double>*, Force<double>*>> kept_z;
   std::vector<const double*> loads_on_rotors;
@@ -200,5 +200,7 @@ void require_regular_posture(const Model& model, Workspace& ws, const double* q,
 Eigen::VectorXd some_rates(int which, Eigen::Index n);
 /// W: of the row.
 std::string name_of_row(const Loop& loop, int row, const Force<double>& W);
+/// " m", " rad"; of couplings "".
+const char* unit_of_row(const Loop& loop, const Force<double>& W);
 
 }  // namespace cardan

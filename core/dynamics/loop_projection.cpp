@@ -1,4 +1,6 @@
 // The way back to closed loops after a step (docs/mathematics/loops.md, 3).
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -11,11 +13,20 @@ namespace {
 constexpr double kClosed = 4e-15;                        // residual that counts as none, relative to the size of a loop
 constexpr double kRounded = 4.5e-16;                     // the same, relative to how far from home it is: places are rounded there
 constexpr double kStalled = 1e-11, kStalledFar = 1e-14;  // what does not become less below these is rounding; relative to the same two
+constexpr double kLeftOpen = 1e-5;                       // of rows that others imply, ten times what a start may be open by
+constexpr double kSeen = 1e-3;                           // of what is left open most, so much of another row is no rounding
 constexpr int kTries = 20;                               // of Newton's method
 
 }  // namespace
 
-LoopProjection::LoopProjection(const Model& model) : model_(model), ws_(model), step_(model.nv), next_(model.nq), mu_(model.loops.rows) {}
+LoopProjection::LoopProjection(const Model& model)
+    : model_(model),
+      ws_(model),
+      step_(model.nv),
+      next_(model.nq),
+      mu_(model.loops.rows),
+      given_(static_cast<std::size_t>(model.loops.rows)),
+      counts_(static_cast<std::size_t>(model.loops.rows)) {}
 LoopProjection::~LoopProjection() = default;
 
 soa::Breakdown LoopProjection::breakdown() const {
@@ -28,26 +39,28 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
   LoopWork& work = *ws_.loops;
   const Inputs in{.q = q, .v = v, .gravity = false, .drives = drives};
   LoopPass pass(model_, ws_, in);
-  const auto largest = [&](const std::vector<double>& x) {
+  /// Of all rows, or of those that count.
+  const auto largest = [&](const std::vector<double>& x, bool of_all) {
     double most = 0.0;
     worst_ = 0;
     for (const Loop& loop : model_.loops.all) {
       const double size = pass.size_of(loop);
       for (int i = loop.first; i < loop.first + loop.rows; ++i) {
+        if (!of_all && !counts_[static_cast<std::size_t>(i)]) continue;
         const double metres = std::abs(x[static_cast<std::size_t>(i)]) * pass.in_metres(loop, i);
-        if (&x == &work.c && metres <= kRounded * pass.reach_of(loop)) continue;
+        if (&x != &work.rate && metres <= kRounded * pass.reach_of(loop)) continue;
         const double one = metres / size;
         if (!(one <= most)) most = one, worst_ = i;  // what is no number is the largest
       }
     }
     return most;
   };
-  const auto drift = [&] {
+  const auto drift = [&](bool of_all) {
     double most = 0.0;
     for (const Loop& loop : model_.loops.all)
       for (int i = loop.first; i < loop.first + loop.rows; ++i)
-        most = std::max(most, std::abs(work.c[static_cast<std::size_t>(i)]) * pass.in_metres(loop, i) /
-                                  std::max(pass.size_of(loop), pass.reach_of(loop)));
+        if (const auto at = static_cast<std::size_t>(i); of_all || counts_[at])
+          most = std::max(most, std::abs(given_[at]) * pass.in_metres(loop, i) / std::max(pass.size_of(loop), pass.reach_of(loop)));
     return most;
   };
   const auto stalled = [&] {
@@ -75,6 +88,10 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
     if (model_.loops.embedding && embedded_response(model_, ws_, q, drives, x, step_.data())) {
       pivot_ = work.embedding->smallest, weakest_ = work.embedding->weakest;
       look_at_wheels();
+      std::ranges::fill(counts_, std::uint8_t{1});
+      for (const EmbeddedLoop& c : model_.loops.embedding->loops)
+        for (int i = c.rank; i < c.rows; ++i)
+          counts_[static_cast<std::size_t>(c.first + work.embedding->row_at[static_cast<std::size_t>(c.row + i)])] = 0;
       return true;
     }
     if (model_.loops.embedding && !stand(model_, ws_, q, true)) return false;
@@ -82,6 +99,9 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
     pass.find_rank();
     pivot_ = work.rank > 0 ? work.smallest : 1.0;
     weakest_ = work.rank > 0 ? work.row_at[static_cast<std::size_t>(work.rank) - 1] : 0;
+    const bool singular = work.rank < model_.loops.rank;  // what counts no longer there is not implied
+    for (std::size_t i = 0; i < counts_.size(); ++i)
+      counts_[static_cast<std::size_t>(work.row_at[i])] = singular || i < static_cast<std::size_t>(work.rank) ? 1 : 0;
     if (!pass.compliance(model_.runs)) return false;
     mu_.setZero();
     pass.solve(x.data(), mu_.data());
@@ -91,27 +111,60 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
                Eigen::Map<const Eigen::VectorXd>(work.U.data() + static_cast<std::ptrdiff_t>(p) * model_.nv, model_.nv);
     return true;
   };
-  double before = std::numeric_limits<double>::infinity();
+  double before = std::numeric_limits<double>::infinity(), counted_before = before;
   int in_place = 0;  // the row that was open most
+  left_open_ = 0.0;
   for (int i = 0;; ++i) {
     if (!stand(model_, ws_, q, !model_.loops.embedding)) return false;
     pass.place();
-    const double now = largest(work.c);
-    if (i == 0) distance_ = now, drift_ = drift(), in_place = worst_;
+    const double now = largest(work.c, true);
+    if (i == 0) given_ = work.c, distance_ = now, drift_ = drift(true), in_place = worst_;
     open_ = now;
     if (!std::isfinite(now)) return false;
-    if (now <= kClosed || (i > 0 && now > 0.5 * before && before < stalled())) break;
+    const auto closed = [&](double open, double was) { return open <= kClosed || (i > 0 && open > 0.5 * was && was < stalled()); };
+    if (closed(now, before)) break;
+    if (i > 0 && now > stalled() && now <= kLeftOpen) {  // are those alone open that nothing can close?
+      const int row = worst_;
+      const double counted = largest(work.c, false);
+      if (closed(counted, counted_before)) {
+        left_open_ = now, distance_ = largest(given_, false), drift_ = drift(false), in_place = worst_;
+        break;
+      }
+      counted_before = counted, worst_ = row;
+    }
     if (i == kTries || (i > 2 && now > before)) return false;
     if (!take(work.c)) return false;
     model_.retract(q, step_.data(), next_.data());
     std::copy_n(next_.data(), model_.nq, q);
     before = now;
   }
-  rate_ = largest(work.rate);
+  rate_ = largest(work.rate, left_open_ == 0.0);
   if (!(rate_ > distance_)) worst_ = in_place;
   if (!take(work.rate)) return false;
   for (int i = 0; i < model_.nv; ++i) v[i] += step_[i];
   return true;
+}
+
+std::vector<RowLeftOpen> rows_left_open(const Model& model, const Eigen::VectorXd& q, const Eigen::VectorXd& v, const LoopDrive* drives) {
+  std::vector<RowLeftOpen> out;
+  if (model.loops.empty()) return out;
+  LoopProjection projection(model);
+  Eigen::VectorXd closed = q, rates = v;
+  if (!projection.close(closed.data(), rates.data(), drives) || projection.left_open() == 0.0) return out;
+  Workspace ws(model);
+  const Eigen::VectorXd c = loop_rows(model, ws, closed.data(), drives).c;
+  for (std::size_t l = 0; l < model.loops.all.size(); ++l) {
+    const Loop& loop = model.loops.all[l];
+    int most = loop.first;
+    for (int i = most + 1; i < loop.first + loop.rows; ++i)
+      if (std::abs(c[i]) > std::abs(c[most])) most = i;
+    if (!(std::abs(c[most]) > kStalled + kSeen * projection.left_open())) continue;
+    const auto at = static_cast<std::size_t>(most);
+    const Force<double>& W = ws.loops->W[at];
+    out.push_back(
+        {static_cast<int>(l), name_of_row(loop, most, W), fmt::format("{:.3g}{}", std::abs(ws.loops->c[at]), unit_of_row(loop, W))});
+  }
+  return out;
 }
 
 }  // namespace cardan

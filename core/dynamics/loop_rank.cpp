@@ -47,7 +47,7 @@ void LoopPass::find_rank() {
     }
   }
   for (int j = 0; j < n; ++j) k_.column_at[at(j)] = j;
-  const double limit = more_than_dependent(open);
+  const double limit = k_.dependent = more_than_dependent(open);
   const auto B = [&](int i, int j) -> double& { return k_.B[at(k_.row_at[at(i)] * n + k_.column_at[at(j)])]; };
   k_.rank = 0, k_.smallest = 0.0, k_.largest = 0.0;
   for (int p = 0; p < std::min(rows, n); ++p) {
@@ -103,6 +103,13 @@ void tell_singular_posture(const Model& model, const soa::Breakdown& bad, double
   make_room_for_loops(model, ws);
   const LoopRank rank = loop_rank(model, ws, q, drives);
   const bool fewer = rank.rank < model.loops.rank && !holds_loops(model, *ws.loops);
+  if (!fewer && std::ranges::find(rank.redundant, bad.row) != rank.redundant.end()) {
+    failure.what += ", and other rows imply it";
+    failure.hint =
+        "what these loops hold contradicts itself there: more digits of lengths, places and axes, as far as they are typed, or types "
+        "that hold less (`cardan describe` names what could be set free)";
+    return;
+  }
   const double pivot = fewer ? rank.largest : rank.smallest;
   if (!(pivot < kNearSingular)) return;
   const Loop& loop = *std::ranges::find_if(model.loops.all, [&](const Loop& l) { return bad.row < l.first + l.rows; });
@@ -186,6 +193,10 @@ std::string name_of_row(const Loop& loop, int row, const Force<double>& W) {
   const double x = std::abs(u.x), y = std::abs(u.y), z = std::abs(u.z);
   const char* axis = x >= y && x >= z ? "x" : y >= z ? "y" : "z";
   return fmt::format("{}: row {}, {} {}", loop.name, row - loop.first + 1, turns ? "rotation about" : "along", axis);
+}
+
+const char* unit_of_row(const Loop& loop, const Force<double>& W) {
+  return loop.closing == Closing::coupling ? "" : dot(W.n, W.n) > dot(W.f, W.f) ? " rad" : " m";
 }
 
 std::string name_of_row(const Model& model, const Workspace& ws, int row) {

@@ -40,10 +40,6 @@ Reach reach_of(const Model& model, const Workspace& ws, const Loop& loop, std::s
   return reach;
 }
 
-const char* unit_of_row(const Loop& loop, const Force<double>& W) {
-  return loop.closing == Closing::coupling ? "" : dot(W.n, W.n) > dot(W.f, W.f) ? " rad" : " m";
-}
-
 /// What a loop of this size is open by at the start, row by row: of places, else of rates.
 struct OpenRows {
   std::vector<std::string> places, rates;  // per loop; empty: closed
@@ -175,8 +171,10 @@ void choose_form(Model& model, const LoopPass& pass, Workspace& ws, const double
     for (LoopSet& set : loops.sets) set.form = form == LoopForm::dae ? "multipliers of all bodies" : "multipliers", set.why = "asked for";
     return;
   }
-  if (std::ranges::any_of(model.bodies, &SweepBody::square_root)) {
-    for (LoopSet& set : loops.sets) set.form = "multipliers", set.why = "a hinge is factored in square-root form";
+  const bool square_root = std::ranges::any_of(model.bodies, &SweepBody::square_root);
+  if (square_root || loops.left_open) {  // rows that contradict each other a little stay the same ones over the open tree alone
+    for (LoopSet& set : loops.sets)
+      set.form = "multipliers", set.why = square_root ? "a hinge is factored in square-root form" : "rows that others imply are open";
     return;
   }
   take_embedding(model, std::move(embedding));
@@ -290,7 +288,12 @@ void prepare_loops(Model& model) {
   LoopPass pass(model, ws, in);
   pass.matrix();
   pass.find_rank();
-  loops.rank = ws.loops->rank;
+  loops.rank = ws.loops->rank, loops.dependent = ws.loops->dependent;
+  if (loops.rank < loops.rows) {
+    State closed = start;
+    LoopProjection projection(model);
+    loops.left_open = projection.close(closed.q.data(), closed.v.data()) && projection.left_open() > 0.0;
+  }
   choose_form(model, pass, ws, start.q.data());
 }
 

@@ -89,13 +89,15 @@ LoopRows loop_rows(const Model& model, Workspace& workspace, const double* q, co
 std::string name_of_row(const Model& model, const Workspace& workspace, int row);
 
 /// The state nearest to (q, v), in the metric of the mass matrix, that closes the loops: motion that the loops leave free is not touched.
+/// Rows that others imply are as open as these leave them, by what numbers were typed with; up to 1e-5 of the size of their loop.
 /// q: nq, v: nv, changed in place. false: it was not reached; both are as near as it got. Keeps scratch, so make one and use it again.
 class LoopProjection {
  public:
   explicit LoopProjection(const Model& model);
   ~LoopProjection();
   bool close(double* q, double* v, const LoopDrive* drives = nullptr);
-  /// Of the last close(), before it changed anything: the largest residuals of c and of G v, relative to the size of the loops.
+  /// Of the last close(), before it changed anything: the largest residuals of c and of G v, relative to the size of the loops, of rows
+  /// that can be closed.
   double distance() const { return distance_; }
   double rate() const { return rate_; }
   /// As distance(), relative to where loops and their ends are if that is more: what tolerances of coordinates are relative to.
@@ -105,6 +107,8 @@ class LoopProjection {
   /// The smallest pivot of scaled rows there, and its row: small near a singular posture.
   double pivot() const { return pivot_; }
   int weakest() const { return weakest_; }
+  /// What a row that others imply is open by still, relative to the size of its loop; 0: none is.
+  double left_open() const { return left_open_; }
   /// Of a close() that was false.
   soa::Breakdown breakdown() const;
 
@@ -112,10 +116,20 @@ class LoopProjection {
   const Model& model_;
   Workspace ws_;
   Eigen::VectorXd step_, next_, mu_;
+  std::vector<double> given_;         // c before anything was changed
+  std::vector<std::uint8_t> counts_;  // per row: 0 where the last elimination left it out
   int worst_ = 0, weakest_ = 0;
   double pivot_ = 1.0;
   double distance_ = 0.0, rate_ = 0.0, open_ = 0.0;  // relative to the size of the loops
-  double drift_ = 0.0;
+  double drift_ = 0.0, left_open_ = 0.0;
 };
+
+/// A row that others imply, open at the state nearest to (q, v) that closes the others: of each loop the one that is open most.
+struct RowLeftOpen {
+  int loop = 0;
+  std::string name, open;  // "close: row 3, along z", "1e-09 m"
+};
+std::vector<RowLeftOpen> rows_left_open(const Model& model, const Eigen::VectorXd& q, const Eigen::VectorXd& v,
+                                        const LoopDrive* drives = nullptr);
 
 }  // namespace cardan

@@ -8,19 +8,19 @@
 namespace cardan::embedding_stages {
 namespace {
 
-constexpr double kNoPivot = 1e-10;  // of scaled rows, as elsewhere (docs/mathematics/loops.md, 2)
-
 /// Rank of the rows of one loop after another, each beside those before it.
 class Ranks {
  public:
-  Ranks(const std::vector<double>& B, int rows, int columns) : B_(B), rows_(rows), columns_(columns) {}
+  /// `dependent`: scaled pivots below are none (Loops::dependent).
+  Ranks(const std::vector<double>& B, int rows, int columns, double dependent)
+      : B_(B), rows_(rows), columns_(columns), dependent_(dependent) {}
   /// `kept`: the rows that count, of these n.
   int take(int first, int n, std::vector<int>* kept = nullptr) {
     int rank = 0;
     std::vector<std::uint8_t> used(at(n));
     for (int p = 0; p < n; ++p) {
       int row = -1, column = -1;
-      double most = kNoPivot;
+      double most = dependent_;
       for (int i = 0; i < n; ++i)
         for (int j = 0; !used[at(i)] && j < columns_; ++j)
           if (const double x = std::abs(b(first + i, j)); x > most) most = x, row = first + i, column = j;
@@ -41,12 +41,17 @@ class Ranks {
   double& b(int i, int j) { return B_[at(i) * at(columns_) + at(j)]; }
   std::vector<double> B_;
   int rows_, columns_;
+  double dependent_;
 };
 
 class Order {
  public:
   Order(const Ways& ways, const ByRates& by_rates, const Wheels& wheels, Embedding& e)
-      : ways_(ways), by_rates_(by_rates), e_(e), ranks_(ways.rows, ways.model.loops.rows, ways.model.nv), done_(wheels.taken) {
+      : ways_(ways),
+        by_rates_(by_rates),
+        e_(e),
+        ranks_(ways.rows, ways.model.loops.rows, ways.model.nv, ways.model.loops.dependent),
+        done_(wheels.taken) {
     owner_.assign(ways.model.bodies.size(), -1);
     by_.assign(at(ways.model.nv), -1), column_.assign(at(ways.model.nv), -1);
   }
@@ -113,7 +118,7 @@ class Order {
     c.rows = loop.rows, c.rank = ranks_.take(loop.first, loop.rows, &kept);
     if (!c.by_rates) {
       const auto begin = ways_.rows.begin() + loop.first * m.nv;
-      Ranks alone({begin, begin + loop.rows * m.nv}, loop.rows, m.nv);
+      Ranks alone({begin, begin + loop.rows * m.nv}, loop.rows, m.nv, m.loops.dependent);
       if (alone.take(0, loop.rows) > c.rank) c.kept = std::move(kept), c.chosen = e_.chosen = true;
     }
     if (loop.closing == Closing::coupling)
@@ -254,7 +259,7 @@ class Order {
     for (int i = 0; i < c.rows; ++i)
       for (const EmbeddedLoop::Column& x : c.columns)
         if (x.input >= 0 && x.input < c.own) own.push_back(ways_.rows[at(c.first + i) * at(ways_.model.nv) + at(x.v)]);
-    c.by_own = Ranks(own, c.rows, c.own).take(0, c.rows) == c.rank;
+    c.by_own = Ranks(own, c.rows, c.own, ways_.model.loops.dependent).take(0, c.rows) == c.rank;
   }
 
   /// Which input of the loop after `c` a column of `c` is, where its coordinates are its inputs beside its own ones. -1: none.

@@ -232,6 +232,8 @@ struct Loops {
   std::vector<Loop> all;
   int rows = 0;
   int rank = 0;                                   // of all rows at the start
+  double dependent = 0.0;                         // a scaled pivot below was none there
+  bool left_open = false;                         // a row that others imply is open there by what numbers were typed with
   int n_drives = 0;                               // rows that are given as functions of time
   std::vector<double> column_scale;               // per velocity component: 1 / sqrt(inertia) at the start
   std::shared_ptr<const Embedding> embedding;     // how they are closed inside of the sweeps; null: by multipliers over the open tree

@@ -136,7 +136,7 @@ void CompoundTree::close(const double* q, const LoopDrive* drives, bool at_start
           B.col(static_cast<Eigen::Index>(j)) *= m.loops.column_scale[v];
           may.push_back(static_cast<int>(j));
         }
-      Pivots pivots = complete_pivots(B(Eigen::all, may), kDependent);
+      Pivots pivots = complete_pivots(B(Eigen::all, may), at_start ? m.loops.dependent : kDependent);
       std::size_t rank = pivots.values.size();
       if (at_start) compound.rank = static_cast<int>(rank);
       for (std::size_t p = static_cast<std::size_t>(compound.rank); p < rank; ++p)

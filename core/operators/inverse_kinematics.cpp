@@ -29,10 +29,9 @@ using Vector6 = Eigen::Matrix<double, 6, 1>;
 constexpr double kStationary = 1e-9;     // |J* e| over |J| |e|
 constexpr double kNullSpaceStep = 1e-7;  // the distance to the preferred posture is flat to round-off below
 constexpr int kSecondaryIterations = 100;
-constexpr double kClosed = 4e-15;     // rows of loops that count as closed, over the size of the loop
-constexpr double kDependent = 1e-10;  // singular value of rows that say what others do
-constexpr int kClosing = 20;          // iterations of Newton's method
-constexpr int kMoves = 16;            // in which a random start is gone to
+constexpr double kClosed = 4e-15;  // rows of loops that count as closed, over the size of the loop
+constexpr int kClosing = 20;       // iterations of Newton's method
+constexpr int kMoves = 16;         // in which a random start is gone to
 
 [[noreturn]] void refuse_task(Code code, std::string what, std::string expected, std::string got) {
   cardan::refuse(code, {"inverse kinematics: " + std::move(what)}, std::move(expected), std::move(got));
@@ -320,7 +319,7 @@ class Solver {
   MatrixXd held_by_loops(const MatrixXd& G, const std::vector<std::uint8_t>& free) const {
     if (!loops_) return MatrixXd(m_.nv, 0);
     const RightSingular s = right_singular(masked(G.transpose(), free).transpose());
-    return s.vectors.leftCols((s.values.array() > kDependent).count());
+    return s.vectors.leftCols((s.values.array() > closed_->loops.dependent).count());
   }
   /// W^-1 A* with the rows of held components zero (H empty there).
   MatrixXd weighted(const MatrixXd& A_star, const std::vector<std::uint8_t>& free, bool dynamic) {

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "core/sim/far_loops.hpp"
+#include "core/sim/loop_doubts.hpp"
 #include "core/sim/newton_operators.hpp"
 #include "core/sim/simulation.hpp"
 

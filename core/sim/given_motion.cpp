@@ -5,6 +5,7 @@
 #include <cmath>
 #include <limits>
 
+#include "core/sim/loop_doubts.hpp"
 #include "core/sim/simulation.hpp"
 
 namespace cardan {
@@ -166,8 +167,20 @@ bool Simulation::close_loops(double t, double* q, double* v) {
   if (closed && loops_->pivot() < nearest_.pivot) nearest_ = {loops_->pivot(), t};
   if (closed && loops_->pivot() < kNearSingular)
     tell_near_singular(fmt::format("has a scaled pivot of {:.2g}, below {:g}", loops_->pivot(), kNearSingular));
+  if (closed && loops_->left_open() > 0.0 && !std::exchange(told_left_open_, true)) tell_left_open(q, v);
   drifted_ = drifted_ || loops_->drift() > kDrift * options_.integrator.relative_tolerance;
   return closed;
+}
+
+// Of a loop that the start was not told of.
+void Simulation::tell_left_open(const double* q, const double* v) {
+  const Warnings found = open_rows_of_loops(*model_, Eigen::Map<const Eigen::VectorXd>(q, model_->nq),
+                                            Eigen::Map<const Eigen::VectorXd>(v, model_->nv), drives_.data());
+  for (const Warning& w : found.all())
+    if (std::ranges::none_of(warnings_.all(), [&](const Warning& told) {
+          return told.what.code == w.what.code && told.what.at.key_path == w.what.at.key_path;
+        }))
+      warn(w.what.code, w.what.at, w.what.about, w.what.hint);
 }
 
 // Once for each loop.

@@ -12,8 +12,8 @@
 #include "core/model/doubts.hpp"
 #include "core/sim/device_corners.hpp"
 #include "core/sim/expected_stiffness.hpp"
-#include "core/sim/far_loops.hpp"
 #include "core/sim/fastest_motion.hpp"
+#include "core/sim/loop_doubts.hpp"
 #include "core/sim/plugin_faults.hpp"
 #include "core/sim/simulation.hpp"
 

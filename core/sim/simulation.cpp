@@ -90,7 +90,7 @@ void Simulation::build() {
     moment_ = &fields_->at(gravity_field_, state_.t);
   }
   loops_.reset();
-  if (!m.loops.empty()) loops_ = std::make_unique<LoopProjection>(m), world_rates_ = true;
+  if (!m.loops.empty()) loops_ = std::make_unique<LoopProjection>(m), told_left_open_ = false, world_rates_ = true;
   devices_.reset(), on_trial_.reset(), beside_.reset(), holding_.reset();
   stores_ = false;
   wrenches_.assign(static_cast<std::size_t>(m.devices.n_loads), {});

@@ -356,6 +356,7 @@ class Simulation {
   /// After a step, where the loops are near a posture in which a row of them holds nothing.
   void pass_singular_posture(double t_stop);
   void tell_near_singular(const std::string& what);
+  void tell_left_open(const double* q, const double* v);
   void keep_broken(double t, const double* q);
   void start_closed();
   bool device_events(std::span<const int> crossed);
@@ -469,6 +470,7 @@ class Simulation {
   std::unique_ptr<Holding> holding_;            // of components that devices hold; null: there are none
   std::unique_ptr<Workspace> beside_;           // ... where they read nodes
   std::unique_ptr<LoopProjection> loops_;       // null: the vehicle is a tree
+  bool told_left_open_ = false;                 // rows of these that others imply
   std::unique_ptr<MomentumKeeper> momentum_;    // of `exponential`, `multirate`; null: the vehicle does not float by itself
   bool drifted_ = false;                        // the history of the integrator is further from closed loops than its tolerance
   std::unique_ptr<NewtonOperators> newton_;     // where the linear solver asks for them

@@ -76,8 +76,12 @@ SystemSpec weighed(const Model& m, const TwinLoads<T>& loads) {
   return spec;
 }
 
-/// What a plugin makes of modal data is not known to the twin.
+/// What a plugin makes of modal data is not known to the twin, nor which rows another program takes where they contradict each other.
 const Model& known(const Model& m) {
+  if (m.loops.left_open)
+    refuse(Code::unsupported, m.spec->locate("loops"), "loops that close but for rounding, for the dense twin",
+           "rows that others imply and that are open by what numbers were typed with",
+           "more digits of lengths, places and axes: `cardan check` names the row");
   for (std::size_t i = 0; i < m.user.size(); ++i)
     if (const UserBody& u = m.user[i]; u.n_modes > 0 && u.family_origin != "built-in")
       refuse(Code::unsupported, m.spec->bodies[i].at, "a body with modes of a built-in type, which the dense twin knows", u.type);

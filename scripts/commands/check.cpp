@@ -2,7 +2,7 @@
 
 #include "core/model/doubts.hpp"
 #include "core/sim/expected_stiffness.hpp"
-#include "core/sim/far_loops.hpp"
+#include "core/sim/loop_doubts.hpp"
 #include "scripts/bindings/open.hpp"
 #include "scripts/commands/commands.hpp"
 #include "scripts/commands/gathered_warnings.hpp"
@@ -34,6 +34,7 @@ void add_check(CommandLine& line) {
                                        s->mission.duration));
     s->warnings.add(doubts_at_start(*s->model, s->sim->state().q.data(), s->sim->state().v.data()));
     s->warnings.add(loops_far_from_home(*s->sim));
+    s->warnings.add(open_rows_of_loops(*s->model, s->sim->state().q, s->sim->state().v, s->sim->drives().data()));
     quiet = true;  // what functions of the run say is said in a run
     const std::vector<std::string> elsewhere = kept_elsewhere_at_start(*s);
     fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}{}, {:g} s{}\n", bodies(s->model->user.size()), s->model->nq,

@@ -1,9 +1,10 @@
-#include "core/sim/far_loops.hpp"
+#include "core/sim/loop_doubts.hpp"
 
 #include <fmt/format.h>
 
 #include <limits>
 
+#include "core/dynamics/loops.hpp"
 #include "core/sim/simulation.hpp"
 
 namespace cardan {
@@ -27,6 +28,16 @@ Warnings loops_far_from_home(Simulation& sim) {
         fmt::format("{} and {} on one tree: the base of one on a free hinge to the other in place of the world", carrier(loop.from),
                     carrier(loop.to)));
   }
+  return found;
+}
+
+Warnings open_rows_of_loops(const Model& m, const Eigen::VectorXd& q, const Eigen::VectorXd& v, const LoopDrive* drives) {
+  Warnings found;
+  for (const RowLeftOpen& row : rows_left_open(m, q, v, drives))
+    found.add(Code::unusual_value, m.spec->locate("loops." + m.loops.all[static_cast<std::size_t>(row.loop)].name),
+              fmt::format("{} is open by {} and nothing can close it: other rows imply it", row.name, row.open),
+              "more digits of lengths, places and axes, as far as they are typed; or a type that holds less: `cardan describe` names what "
+              "could be set free");
   return found;
 }
 
