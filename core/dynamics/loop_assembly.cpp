@@ -135,6 +135,7 @@ class Assembler {
   /// Newton's method in steps so short that the way there is that of the differential equation q' = -G^+ c, which cannot pass a singular
   /// posture. False: it ends before; q is as near as it got.
   bool newton(VectorXd& q) {
+    ws_.loops->near_W.clear();
     Here here = look(q);
     settle();
     stretch_ = 1.0;
@@ -273,8 +274,9 @@ class Assembler {
             in_doubt_ ? kWeak : kDoubt};
   }
 
-  /// Hinges that close loops go on from where they are.
+  /// Hinges that close loops go on from where they are, and so do the rows of each.
   void settle() {
+    ws_.loops->near_W = ws_.loops->W;
     for (const std::size_t l : loops_)
       if (m_.loops.all[l].hinge) m_.loops.all[l].q0 = ws_.loops->q[l];
   }
@@ -294,10 +296,7 @@ class Assembler {
     if (here.A.size() == 0) return true;
     const Pivots p = complete_pivots(here.A, (in_doubt_ ? kWeak : kNoPivot) * here.A.cwiseAbs().maxCoeff());
     if (p.rows.empty()) return true;
-    if (!in_doubt_) return determinant(there.A(p.rows, p.columns)) / determinant(here.A(p.rows, p.columns)) > kSingular;
-    // Of fewer rows than there are a determinant would hang on how they stand to each other, which a hinge that closes may exchange.
-    const MatrixXd before = here.A(Eigen::all, p.columns), after = there.A(Eigen::all, p.columns);
-    return determinant(after.transpose() * after) / determinant(before.transpose() * before) > kSingular * kSingular;
+    return determinant(there.A(p.rows, p.columns)) / determinant(here.A(p.rows, p.columns)) > kSingular;
   }
 
   template <class Better>
@@ -357,6 +356,7 @@ bool assemble_start(Model& model, Workspace& ws, const std::function<MatrixXd(co
     if (closed) assembler.approach(start.q);
   }
   if (closed) assembler.move_along(start.q, inertia(start.q), start.v);
+  ws.loops->near_W.clear();
   VectorXd way(model.nv);
   model.difference(given.q.data(), start.q.data(), way.data());
   model.loops.moved.clear();

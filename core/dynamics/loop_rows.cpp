@@ -177,7 +177,9 @@ void LoopPass::close_by_hinge(const Loop& loop, std::size_t l, Force<double>* W,
     const std::uint32_t zero = 0;
     f.kinematics(loop.packed.data(), 1, &zero, &zero, q.data(), v.data(), &out);
   }
-  if (f.shape == CARDAN_SHAPE_ROTATION || f.shape == CARDAN_SHAPE_SCREW) {
+  if (!k_.near_W.empty()) {
+    complement(H_A, loop.lever, &k_.near_W[at(loop.first)], W);
+  } else if (f.shape == CARDAN_SHAPE_ROTATION || f.shape == CARDAN_SHAPE_SCREW) {
     const Vec3<double> axis = from_eigen(Eigen::Vector3d(H_A.col(0).head<3>()));
     soa::rows_across(axis, W);
     if (f.shape == CARDAN_SHAPE_SCREW) {  // along its axis it moves by its pitch
@@ -185,7 +187,7 @@ void LoopPass::close_by_hinge(const Loop& loop, std::size_t l, Force<double>* W,
       W[2].f = W[0].n, W[3].f = W[1].n, W[4] = {-pitch * axis, axis};
     }
   } else {
-    complement(H_A, loop.lever, k_.near_W.empty() ? nullptr : &k_.near_W[at(loop.first)], W);
+    complement(H_A, loop.lever, nullptr, W);
   }
   const Eigen::Matrix<double, 6, 1>& e = fit.e;
   const Vec3<double> turn = r.R * Vec3<double>{e[0], e[1], e[2]}, shift = r.R * Vec3<double>{e[3], e[4], e[5]};

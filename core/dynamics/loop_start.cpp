@@ -25,7 +25,8 @@ struct Reach {
   double arm = 0.0;   // [m] largest distance of an end from a hinge on the way to it; 0 where it is rounding
   double home = 0.0;  // [m] largest distance of these hinges from home
 };
-Reach reach_of(const Model& model, const Workspace& ws, const Loop& loop, std::size_t l, const double* q) {
+/// `unit`: a length of what moves.
+Reach reach_of(const Model& model, const Workspace& ws, const Loop& loop, std::size_t l, const double* q, double unit) {
   Reach reach;
   for (const auto& [path, end] : {std::pair(&loop.from_path, &ws.loops->from[l]), std::pair(&loop.to_path, &ws.loops->to[l])}) {
     Pose<double> X;
@@ -36,7 +37,7 @@ Reach reach_of(const Model& model, const Workspace& ws, const Loop& loop, std::s
       reach.home = std::max(reach.home, std::sqrt(dot(X.p, X.p)));
     }
   }
-  if (!(reach.arm > kNoLever * reach.home)) reach.arm = 0.0;
+  if (!(reach.arm > kNoLever * std::max(reach.home, unit))) reach.arm = 0.0;
   return reach;
 }
 
@@ -246,7 +247,6 @@ void prepare_loops(Model& model) {
         for (std::size_t i = 0; i < gradient.size(); ++i) refer(loop.coupling.terms[i].v, flat ? 1.0 : std::abs(gradient[i]));
         continue;
       }
-      const Reach reach = reach_of(model, ws, loop, l, start.q.data());
       constexpr double kNone = std::numeric_limits<double>::infinity();
       double mass_scale = kNone, inertia_scale = kNone;  // of the heaviest that slides, and of the largest inertia that turns
       for (const int v : loop.rates)
@@ -255,9 +255,11 @@ void prepare_loops(Model& model) {
           scale = std::min(scale, loops.column_scale[at]);
         }
       // What stands on all of its hinges has the length it keeps, or that of the way from home: in orbit, 7000 km, that says nothing of
-      // what flies, which is at most as large as its radius of gyration.
-      const double most = mass_scale < kNone && inertia_scale < kNone ? mass_scale / inertia_scale : kNone;
-      loop.lever = reach.arm > 0.0 ? reach.arm : loop.length > 0.0 ? loop.length : reach.home > 0.0 ? std::min(reach.home, most) : 1.0;
+      // what flies, which is at most as large as its radius of gyration, and nor does what a catch at home leaves of it.
+      const double unit = mass_scale < kNone && inertia_scale < kNone ? mass_scale / inertia_scale : 1.0;
+      const Reach reach = reach_of(model, ws, loop, l, start.q.data(), unit);
+      const double way = reach.home > kStart * unit ? std::min(reach.home, unit) : unit;
+      loop.lever = reach.arm > 0.0 ? reach.arm : loop.length > 0.0 ? loop.length : way;
       const bool of_places = loop.closing == Closing::point || loop.closing == Closing::distance;  // turns move its ends by its arms alone
       for (const int v : loop.rates)
         if (const auto at = static_cast<std::size_t>(v); !is_mode[at]) refer(v, !turns[at] ? 1.0 : of_places ? reach.arm : loop.lever);

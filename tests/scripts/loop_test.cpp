@@ -124,6 +124,34 @@ near("crank", sat:hinge("crank"):angle(), a)
   EXPECT_EQ(moved, (std::vector<std::string>{"rod.angle", "rod.rate", "block.displacement", "block.rate"}));
 }
 
+// Two bodies that fly through the origin of the world are caught there, by what rounding leaves of the way: each goes on about the pin as
+// momentum about it says, m v d / (J + m d^2), and one without inertia stands.
+TEST(LoopsOfAMission, CatchAtTheOriginOfTheWorld) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", R"yaml(
+cardan: 1
+bodies:
+  body: {mass: 2, com: [0, 0.05, 0], inertia: [1, 1, 0.1], hinge: {type: free, to: world, initial: {position: [-1, 0, 0], velocity: [0.7, 0, 0]}}}
+  grain: {type: particle, mass: 2, hinge: {type: translational, to: world, initial: {position: [-1, 0, 0], velocity: [0.3, 0, 0]}}}
+loops:
+  pin: {type: point, from: world, to: body, open: true}
+  trap: {type: point, from: world, to: grain, open: true}
+)yaml");
+  write(dir / "scenario.lua", R"lua(
+local sat = vehicle "vehicle.yaml"
+mission { duration = "4 s" }
+for loop, name in pairs { pin = "body", trap = "grain" } do
+  local hinge = sat:hinge(name)
+  event { name = loop, once = true, direction = "rising", when = function() return (hinge:q("x")) end, action = function() sat:close(loop) end }
+end
+check { name = "turns", unit = "rad/s", value = function() return sat:hinge("body"):v("wz") end,
+        equal = { -2 * 0.7 * 0.05 / (0.1 + 2 * 0.05 ^ 2), tolerance = 1e-9 } }
+check { name = "stands", unit = "m/s", below = 1e-12, value = function() return math.abs(sat:hinge("grain"):v("vx")) end }
+)lua");
+  const Finished run = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
 // Crank and block are given such that no rod joins them: a vehicle that is refused, but for a mission that says where the block is.
 TEST(LoopsOfAMission, MayCloseAVehicleWhoseOwnStartDoesNot) {
   const TemporaryFolder dir;

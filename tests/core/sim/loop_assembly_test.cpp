@@ -161,6 +161,34 @@ TEST(Assembler, OfASliderCrankEndsWhereItIsInClosedForm) {
   }
 }
 
+// A body that slides along all axes and turns about y is brought home by each hinge, whose axis turns by 0.9 rad on the way: its rows go
+// on as they were, whichever coordinate directions they are the nearest to. At home there is no lever, but what is left of the way.
+TEST(Assembler, BringsABodyHomeByEachHinge) {
+  using Axes = std::vector<Eigen::Vector3d>;
+  const Eigen::Vector3d X(1, 0, 0), Y(0, 1, 0), Z(0, 0, 1), begin(0.1, 0.2, 0.3);
+  struct Case {
+    const char* type;
+    Axes axes;
+    Eigen::Vector3d stays;  // 1: along this axis it slides where it is
+    double angle;           // where it ends
+  };
+  for (const auto& [type, axes, stays, angle] :
+       {Case{"revolute", {Z}, {0, 0, 0}, 0.0}, Case{"prismatic", {Z}, Z, 0.0}, Case{"cylindrical", {Z}, Z, 0.0},
+        Case{"universal", {X, Z}, {0, 0, 0}, 0.0}, Case{"constant_velocity", {X, Z}, {0, 0, 0}, 0.0}, Case{"planar", {X, Y}, X + Y, 0.0},
+        Case{"ball", {}, {0, 0, 0}, 0.9}, Case{"point", {}, {0, 0, 0}, 0.9}, Case{"weld", {}, {0, 0, 0}, 0.0}}) {
+    SystemSpec spec = system({on(rigid("a", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "translational"),
+                              on(rigid("b", 1.0, {0, 0, 0}, diagonal({1e-3, 1e-3, 1e-3})), "a", "revolute", {Y})});
+    spec.bodies[0].hinge.q = {begin.x(), begin.y(), begin.z()}, spec.bodies[1].hinge.q = {0.9};
+    LoopSpec& home = spec.loops.emplace_back();
+    home.name = "home", home.type = type, home.to.body = "b";
+    if (!axes.empty()) home.params = along(axes);
+    spec.assembly.hold.emplace();
+    const VectorXd q = compiled(spec)->initial_state().q;
+    EXPECT_LE(distance(q.head(3), stays.cwiseProduct(begin)), 1e-12) << type;
+    EXPECT_LE(std::abs(q[3] - angle), 1e-12) << type;
+  }
+}
+
 std::string told(const SystemSpec& spec) {
   try {
     compiled(spec);
