@@ -58,7 +58,7 @@ VehicleImplicitForm::VehicleImplicitForm(std::shared_ptr<const Model> model, std
       absolute_(asked_) {
   for (const AbsoluteModel::Joint& joint : system_.bodies().joints) quaternions_.push_back(bodies_.user[at(joint.user)].q);
   absolute_.resize(absolute_.size() + 2 * at(rows_) + quaternions_.size(), 1.0);
-  q_.resize(at(model_->nq)), v_.resize(at(model_->nv)), moved_.resize(at(nv_));
+  q_.resize(at(model_->nq)), v_.resize(at(model_->nv)), moved_.resize(at(nv_)), mobility_.resize(at(nv_));
   given_q_ = q_, given_v_ = v_;
   eta_of_.assign(at(nv_), -1);
   for (const SweepBody& b : bodies_.bodies)
@@ -147,8 +147,8 @@ void VehicleImplicitForm::place(double t, const double* Q, const double* U) {
 }
 
 /// Modes may be off by what the rounding of places and velocities makes of them across the rows, ten times: those of fast ones are asked
-/// for more finely than the places that hold them are known. An integral of a multiplier may be off by as much as moves velocities, or
-/// coordinates, by their tolerances.
+/// for more finely than the places that hold them are known. An integral of a multiplier may be off by as much as moves no velocity, and no
+/// coordinate, by more than its tolerance.
 void VehicleImplicitForm::measure(const double* y) {
   const SparseRows& G = system_.G();
   const double of_Q = 10.0 * kEpsilon * largest(y, nq_), of_U = 10.0 * kEpsilon * largest(y + nq_, nv_);
@@ -164,15 +164,16 @@ void VehicleImplicitForm::measure(const double* y) {
       absolute_[at(nq_ + j)] = std::max(absolute_[at(nq_ + j)], share * of_U);
     }
   }
+  for (int j = 0; j < nv_; ++j) mobility_[at(j)] = system_.inertia(j) > 0.0 ? 1.0 / system_.inertia(j) : 0.0;
+  constexpr double kNone = std::numeric_limits<double>::infinity();
   for (int i = 0; i < rows_; ++i) {
-    double size = 0.0, velocity = 0.0, place = 0.0;
+    double least = kNone;
     for (int e = G.start[at(i)]; e < G.start[at(i + 1)]; ++e) {
       const int j = G.column[at(e)];
-      const double slope = std::abs(G.value[at(e)]), tolerance = absolute_[at(nq_ + j)];
-      size += slope, velocity += slope * system_.inertia(j) * tolerance, place += slope * tolerance;
+      const double moves = std::abs(G.value[at(e)]) * mobility_[at(j)];
+      if (moves > 0.0) least = std::min(least, absolute_[at(nq_ + j)] / moves);
     }
-    absolute_[at(nq_ + nv_ + i)] = size > 0.0 && velocity > 0.0 ? velocity / size : 1.0;
-    absolute_[at(nq_ + nv_ + rows_ + i)] = size > 0.0 ? place / size : 1.0;
+    absolute_[at(nq_ + nv_ + i)] = absolute_[at(nq_ + nv_ + rows_ + i)] = least < kNone ? least : 1.0;
   }
   for (std::size_t b = 0; b < quaternions_.size(); ++b) absolute_[at(nq_ + nv_ + 2 * rows_) + b] = absolute_[at(quaternions_[b])];
 }
@@ -201,12 +202,13 @@ bool VehicleImplicitForm::evaluate(double t, const double* y, const double* ydot
   place(t, Q, U);
   system_.leave(q_.data(), v_.data(), false);
   const std::span<const double> c = system_.residual(), rate = system_.rate();
-  std::copy_n(U, nv_, moved_.begin());
+  std::ranges::fill(moved_, 0.0);
   for (int i = 0; i < rows_; ++i) {
     if (mu[i] != 0.0) system_.G().add_transposed(i, mu[i], moved_.data());
     F_lambda[i] = kept_[at(i)] ? rate[at(i)] : lambda[i];
     F_mu[i] = kept_[at(i)] && system_.holds_a_place(i) ? c[at(i)] : mu[i];
   }
+  for (int j = 0; j < nv_; ++j) moved_[at(j)] = U[j] + mobility_[at(j)] * moved_[at(j)];
   bodies_.qdot(Q, moved_.data(), F);
   for (int i = 0; i < nq_; ++i) F[i] = ydot[i] - F[i];
   for (std::size_t b = 0; b < quaternions_.size(); ++b) {

@@ -81,23 +81,37 @@ TEST(DaeInTime, AndrewsSqueezerMovesAsTheOtherFormsHaveIt) {
 // Mobility where counting gives none, whatever the posture.
 TEST(DaeInTime, BricardsMechanismNeedsNoRegularisation) { expect_the_same_motion({bench_spec("bricard"), 0.5}, 1e-3, 1e-6); }
 
-SystemSpec slider_crank() {
-  BodySpec crank = on(rigid("crank", 1.0, {0.1, 0, 0}, diagonal({0.002, 0.01, 0.01})), "", "revolute", {{0, 0, 1}});
+/// Of another size the same, with the same angles: lengths, weight and inertia as they follow.
+SystemSpec slider_crank(double size = 1.0) {
+  const auto J = [&](double x, double y, double z) { return diagonal({size * size * x, size * size * y, size * size * z}); };
+  BodySpec crank = on(rigid("crank", 1.0, {0.1 * size, 0, 0}, J(0.002, 0.01, 0.01)), "", "revolute", {{0, 0, 1}});
   crank.hinge.q = {0.7}, crank.hinge.v = {6.0};
-  BodySpec rod = on(rigid("rod", 0.8, {0.25, 0, 0}, diagonal({0.001, 0.02, 0.02})), "crank", "revolute", {{0, 0, 1}}, {0.2, 0, 0});
-  BodySpec slider = on(rigid("slider", 1.5, Eigen::Vector3d::Zero(), diagonal({0.01, 0.01, 0.01})), "", "prismatic", {{1, 0, 0}});
-  slider.hinge.q = {0.6};
+  BodySpec rod = on(rigid("rod", 0.8, {0.25 * size, 0, 0}, J(0.001, 0.02, 0.02)), "crank", "revolute", {{0, 0, 1}}, {0.2 * size, 0, 0});
+  BodySpec slider = on(rigid("slider", 1.5, Eigen::Vector3d::Zero(), J(0.01, 0.01, 0.01)), "", "prismatic", {{1, 0, 0}});
+  slider.hinge.q = {0.6 * size};
   SpringDamper spring;
-  spring.stiffness = 200.0, spring.rest = 0.5, spring.damping = 2.0;
+  spring.stiffness = 200.0, spring.rest = 0.5 * size, spring.damping = 2.0;
   slider.hinge.springs = {spring};
-  SystemSpec spec = system({crank, rod, slider}, uniform_gravity({0, -9.81, 0}));
+  SystemSpec spec = system({crank, rod, slider}, uniform_gravity({0, -9.81 * size, 0}));
   LoopSpec pin;
-  pin.name = "pin", pin.type = "point", pin.from.body = "slider", pin.to.body = "rod", pin.to.position = {0.5, 0, 0};
+  pin.name = "pin", pin.type = "point", pin.from.body = "slider", pin.to.body = "rod", pin.to.position = {0.5 * size, 0, 0};
   spec.loops = {pin};
   spec.assembly.hold = std::vector<std::string>{"crank"};
   return spec;
 }
 TEST(DaeInTime, ASliderCrankMovesAsTheOtherFormsHaveIt) { expect_the_same_motion({slider_crank(), 1.0}, 1e-3, 1e-6); }
+
+// What multipliers are asked for, and how places are drawn together, follows from the inertia of what they move: a crank of a millimetre
+// takes the steps of one of a metre, and turns as it does, as far as 1e-8 m tell: 5e-5 rad of the smallest.
+TEST(DaeInTime, AMechanismOfAnySizeTakesTheSameSteps) {
+  const auto of = [](double size) { return run_by({slider_crank(size), 0.5}, LoopForm::dae, "ida", 1e-8); };
+  const auto metre = of(1.0);
+  for (const double size : {0.1, 0.01, 1e-3}) {
+    const auto sim = of(size);
+    EXPECT_LE(std::abs(sim->state().q[0] - metre->state().q[0]), 1e-3) << size;
+    EXPECT_LE(sim->statistics().steps, 2 * metre->statistics().steps) << size;
+  }
+}
 
 // A given crank, a gear and a length that changes with time: rows of each kind. The bob is free.
 TEST(DaeInTime, GivenMotionsAndCouplingsAreRows) {
