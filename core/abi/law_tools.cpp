@@ -121,7 +121,7 @@ ParamTable random_parameters(std::span<const cardan_param_desc> schema, std::mt1
             const double any = c == 0 ? first + row + 0.5 * uniform(rng) : 0.3 + 0.7 * uniform(rng);
             numbers.push_back(whole ? std::floor(c == 0 ? any : 1.4 * any) : any);
           }
-        if (sparse && !required) table.numbers.erase(d.name);
+        if (!required && stays()) table.numbers.erase(d.name);
         continue;
       }
       default:
@@ -132,8 +132,10 @@ ParamTable random_parameters(std::span<const cardan_param_desc> schema, std::mt1
     const bool ranged = d.lower != 0.0 || d.upper != 0.0;
     MatrixXd m(3, n);
     for (Eigen::Index k = 0; k < n; ++k) m.col(k) = random_vector(rng, 3);
-    if (ranged) m = MatrixXd::NullaryExpr(3, n, [&] { return random_number(d, rng); });
-    if (orthonormal && n <= 3) m = thin_qr(m).Q;
+    if (ranged)
+      m = MatrixXd::NullaryExpr(3, n, [&] { return random_number(d, rng); });
+    else if (orthonormal && n <= 3)
+      m = thin_qr(m).Q;
     if (d.kind == CARDAN_UNIT_VECTOR || d.kind == CARDAN_UNIT_VECTORS) m.colwise().normalize();
     numbers.assign(m.data(), m.data() + m.size());
     if (sparse && !required && one) numbers.assign(d.fallback, d.fallback + 3);

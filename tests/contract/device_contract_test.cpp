@@ -186,6 +186,39 @@ TEST(DeviceMutants, AreCaughtByTheirLaw) {
   EXPECT_EQ(there.find("at the second call"), std::string::npos) << there;
 }
 
+/// A damper by three numbers that are not negative, or by a table in their place, not both; what it loses is `lost` of it.
+template <int lost>
+struct Damper {
+  static constexpr const char* type = "test/damper";
+  static constexpr const char* summary = "";
+  static constexpr unsigned facts = CARDAN_FACT_ENERGY | CARDAN_FACT_PASSIVE;
+  static constexpr unsigned role = CARDAN_ROLE_FORCE;
+  struct Packed {
+    double c;
+  };
+  static constexpr const char* columns[] = {"c"};
+  static constexpr cardan_param_desc schema[] = {param::not_negative(param::optional("damping", CARDAN_VECTOR, "1", "")),
+                                                 param::named(param::optional("table", CARDAN_TABLE, "1", ""), columns)};
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD, "a component"}};
+  static bool pack(const Params& params, Packed& p) {
+    const Eigen::Vector3d damping = params.vector("damping");
+    p.c = damping.x();
+    return params.table("table", 1).cols() == 0 || (damping.isZero(0.0) ? params.fail("table", "none") : params.fail("table", "not both"));
+  }
+  template <class T>
+  static void evaluate(const Packed& p, const DeviceIn<T>& in, DeviceOut<T>& out) noexcept {
+    out.load[0].tau = T(-p.c) * in.at[0].v;
+    out.lost = T(lost * p.c) * in.at[0].v * in.at[0].v;
+  }
+  static double energy(const Packed&, const DeviceIn<double>&) noexcept { return 0.0; }
+};
+
+/// What a table excludes is tried without it, and a vector within its range alone.
+TEST(DeviceMutants, AreTriedWithEveryParameterOfTheirs) {
+  EXPECT_EQ(violations(device_table<Damper<1>>()), "");
+  expect(device_table<Damper<2>>(), "energy' = delivered - lost - power of the loads");
+}
+
 /// Of a field: the numbers of its quantity, and nothing of the motion, which is that of the node before it.
 TEST(DeviceMutants, ThatReadAFieldWronglyAreCaught) {
   static const cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_NODE, CARDAN_USE_LOAD, "a node"},

@@ -305,6 +305,10 @@ TEST(Magnetometer, HasStepsAndARange) {
   const VectorXd cut = read({{"range", 0.9 * most}}), whole = read({{"range", 1.1 * most}});
   EXPECT_EQ(cut[3], 0.0);
   EXPECT_EQ(largest(cut.head<3>()), 0.9 * most);
+  for (int i = 0; i < 3; ++i) {  // any axis is enough
+    const DeviceSpec d = with_vector(at_head("magnetometer", {{"range", 2.0 * most}}), "bias", 4.0 * most * Vector3d::Unit(i));
+    EXPECT_EQ(samples_of(still.with(d, 1.0, {{"earth", "dipole", {}, false, {}}}), 1.0, 1)(3, 0), 0.0) << i;
+  }
   EXPECT_EQ(whole, truth);
 }
 
@@ -312,8 +316,12 @@ TEST(Magnetometer, ScattersAlikeInItsAxes) {
   Turning still;
   still.w.setZero();
   const double noise = 1e-7;
-  const SystemSpec spec = still.with(at_head("magnetometer", {{"noise", noise}}), 10.0, {{"earth", "dipole", {}, false, {}}});
-  const VectorXd truth = samples_of(still.with(at_head("magnetometer"), 10.0, spec.fields), 10.0, 1).col(0);
+  const Vector3d scale(2.0, 0.5, 1.5), bias(1e-5, -2e-5, 3e-5);  // of what is measured; its own noise stays as it is
+  const auto sensor = [&](double deviation) {
+    return with_vector(with_vector(at_head("magnetometer", {{"noise", deviation}}), "scale", scale), "bias", bias);
+  };
+  const SystemSpec spec = still.with(sensor(noise), 10.0, {{"earth", "dipole", {}, false, {}}});
+  const VectorXd truth = samples_of(still.with(sensor(0.0), 10.0, spec.fields), 10.0, 1).col(0);
   const MatrixXd out = samples_of(spec, 10.0, 20'000);
   expect_normal(out.topRows(3).colwise() - truth.head<3>(), noise * noise * MatrixXd::Identity(3, 3));
 }
@@ -350,6 +358,22 @@ TEST(Encoder, CountsAndTakesDifferences) {
     // Errors of rounding are spread evenly over a step: their square is step^2 / 12, with the standard error step^2 / (6 sqrt(5 n)).
     EXPECT_NEAR(square / n, step * step / 12.0, 5.0 * step * step / (6.0 * std::sqrt(5.0 * n)));
   }
+}
+
+/// One that reads with another bias from an instant on has no reading before it that its rate could be taken from.
+TEST(Encoder, TakesNoDifferenceAcrossAChangeOfItself) {
+  Simulation sim(compiled(with_encoder("revolute", 10.0, {})), accurate());
+  sim.every({1000, 1}, [&] { sim.adopt(compiled(with_encoder("revolute", 10.0, {{"bias", 0.5}}))); }, {1, 20});
+  sim.run(0.07);
+  EXPECT_NEAR(sim.device_output(0), 0.2, 1e-15);  // held
+  EXPECT_EQ(sim.device_output(2), 0.0);
+  sim.run(0.12);
+  EXPECT_NEAR(sim.device_output(0), 0.2 + 1.7 * 0.1 + 0.5, 1e-10);
+  EXPECT_EQ(sim.device_output(1), 0.0);
+  EXPECT_EQ(sim.device_output(2), 0.0);
+  sim.run(0.22);
+  EXPECT_NEAR(sim.device_output(1), 1.7, 1e-9);
+  EXPECT_EQ(sim.device_output(2), 1.0);
 }
 
 TEST(Encoder, ScattersBeforeItRounds) {
@@ -400,6 +424,12 @@ TEST(HorizonSensor, IsBlindedByTheSunAndByDistance) {
   EXPECT_EQ(valid(by(0.31 * boresight.cross(Vector3d::UnitX()).normalized()) * boresight, 0.0), 1.0);
   EXPECT_EQ(valid(-boresight, 6.9e6), 0.0);
   EXPECT_EQ(valid(-boresight, 7.1e6), 1.0);
+  // In shadow no light comes, from nowhere.
+  for (const double side : {1.0, -1.0}) {
+    DeviceSpec d = at_head("horizon_sensor", {{"half_angle", pi}, {"exclusion", 0.3}});
+    const FieldSpec shaded = sunlight(-bus.position.normalized(), 1361.0, 6.4e6);
+    EXPECT_EQ(samples_of(bus.with(with_vector(d, "boresight", {0, 0, side}), 1.0, {shaded}), 1.0, 1)(3, 0), 1.0) << side;
+  }
 }
 
 TEST(HorizonSensor, HasNoiseAcrossTheDirection) {

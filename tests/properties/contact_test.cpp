@@ -392,6 +392,19 @@ TEST(Contact, RollsAtFiveSevenths) {
   EXPECT_NEAR(sim.state().v[3], v * 5.0 / 7.0, 2.0 / 7.0 * v * 1.1 * depth / r);
 }
 
+/// A box is as far from a plane as its middle less the sum of its half edges, each by the cosine of its angle to the normal.
+TEST(Contact, BoxesTouchWithTheirLowestCorner) {
+  const Vector3d half = 0.5 * Vector3d::Map(kBox.vectors.at("size").data()), n = Vector3d::Map(kPlane.vectors.at("axis").data());
+  RandomMotion random{std::mt19937(21)};
+  AskedContact asked(kBox, kPlane, {{"stiffness", 1.0}});
+  for (int k = 0; k < 50; ++k) {
+    const Quaterniond R = random.attitude(), of_plane = random.attitude();
+    const Vector3d p = random.vector(1.0), on = random.vector(1.0), up = of_plane * n;
+    asked.place(0, R, p), asked.place(1, of_plane, on);
+    EXPECT_NEAR(asked.ask().out[0], up.dot(p - on) - half.dot((R.conjugate() * up).cwiseAbs()), 1e-15 * 8.0);
+  }
+}
+
 /// A wheel is as far from a plane as the nearest point of its rim, wherever it has turned to: by points of the rim 4 mm apart, 5e-6 m.
 TEST(Contact, WheelsTouchWhereTheirRimIsLowest) {
   RandomMotion random{std::mt19937(5)};
@@ -651,11 +664,14 @@ TEST(Contact, RefusesWhatCannotBe) {
   EXPECT_NE(said(sphere(0.0), kBall, law).find("a radius > 0 of a sphere"), std::string::npos);
   EXPECT_NE(said({"pads", {{"radius", 0.0}}, {{"points", {0, 0, 0}}}}, kCone, law).find("a radius > 0 of what touches a cone"),
             std::string::npos);
+  EXPECT_NE(said(kCone, {"pads", {{"radius", 0.0}}, {{"points", {0, 0, 0}}}}, law).find("a radius > 0 of what touches a cone"),
+            std::string::npos);
   EXPECT_NE(said({"pads", {{"radius", 0.1}}, {}}, kBox, law).find("1 to 16 points"), std::string::npos);
   EXPECT_NE(said(kBall, kBall, {{"stiffness", 1.0}, {"restitution", 0.5}}).find("the speed > 0"), std::string::npos);
   EXPECT_NE(said(kBall, kBall, {{"stiffness", 0.0}}).find("a number > 0"), std::string::npos);
   EXPECT_NE(said(kBall, kBall, {{"stiffness", 1.0}, {"friction", -0.1}}).find("a number >= 0"), std::string::npos);
   EXPECT_NE(said({"cone", {{"length", 1.0}}, {}}, kBall, law).find("a radius > 0 at one end of a cone"), std::string::npos);
+  EXPECT_EQ(said({"cone", {{"radius", 0.5}, {"length", 1.0}}, {}}, kBall, law), "it compiled");  // it has a tip
 }
 
 /// Shapes that overlap beyond what they may are told at the start, by name.
@@ -678,6 +694,25 @@ TEST(Contact, TellsThatShapesOverlap) {
   AskedContact inside(kBall, kBox, {{"stiffness", 1.0}, {"max_depth", 10.0}});
   inside.place(0, Quaterniond::Identity(), {0.1, 0, 0}), inside.place(1, Quaterniond::Identity(), {0, 0, 0});
   EXPECT_EQ(inside.ask().code, 1);
+  AskedContact other(kBox, kBall, {{"stiffness", 1.0}, {"max_depth", 10.0}});
+  other.place(0, Quaterniond::Identity(), {0, 0, 0}), other.place(1, Quaterniond::Identity(), {0.1, 0, 0});
+  EXPECT_EQ(other.ask().code, 1);
+}
+
+/// What slides as it comes nearer is held along the surface by the speed along it, and by what presses then.
+TEST(Contact, RubsAlongTheSurfaceAlone) {
+  const double k = 50.0, r = 0.2, depth = 0.01, mu = 0.4, width = 0.3, e = 0.5, meets = 2.0, closing = 0.7;
+  const Vector3d along(0.6, -0.2, 0);
+  AskedContact slides(kBall, plane({0, 0, 1}),
+                      {{"stiffness", k}, {"exponent", 1.0}, {"friction", mu}, {"width", width}, {"restitution", e}, {"speed", meets}});
+  slides.place(0, Quaterniond::Identity(), {0, 0, r - depth}), slides.place(1, Quaterniond::Identity(), {0, 0, 0});
+  slides.move(0, {0, 0, 0}, along - closing * Vector3d::UnitZ());
+  slides.ask();
+  const double presses = slides.out[1], rubs = mu * presses * std::tanh(along.norm() / width);
+  EXPECT_GT(presses, 1.1 * k * depth);  // as it comes nearer
+  EXPECT_LT((slides.force(0) - Vector3d(0, 0, presses) + rubs * along.normalized()).norm(), 1e-15);
+  EXPECT_NEAR(slides.out[2], rubs, 1e-15);
+  EXPECT_NEAR(slides.lost, (presses - k * depth) * closing + rubs * along.norm(), 1e-15);
 }
 
 /// mu N / width is what resists the slowest sliding.

@@ -37,6 +37,9 @@ TEST(Thruster, BringsTheImpulseOfItsPulse) {
   Simulation at_once(compiled(spec), accurate());
   at_once.run(0.5);
   EXPECT_NEAR(at_once.state().v[5], 0.8 * F * 0.5 / m, 1e-12);
+  at_once.set_device_input(0, -1.0), at_once.run(1.0);  // to 0
+  EXPECT_NEAR(at_once.state().v[5], 0.8 * F * 0.5 / m, 1e-12);
+  EXPECT_EQ(at_once.device_output(0), 0.0);
   EXPECT_EQ(at_once.state().z[0], 0.0);  // no lag that nothing follows: it would be a pole, and steps would heed it
 }
 
@@ -55,6 +58,23 @@ TEST(Thruster, OpensAndClosesByItsOwnTimes) {
   sim.run(0.75);
   EXPECT_NEAR(sim.state().z[0], level * std::exp(-0.25 / fall), 1e-11);
   EXPECT_NEAR(sim.state().v[5], F / m * (0.5 - rise * level - fall * level * std::expm1(-0.25 / fall)), 1e-11);
+}
+
+/// Between open and closed the way down takes the time of closing too.
+TEST(Thruster, IsThrottledByItsOwnTimes) {
+  const double rise = 0.4, fall = 0.1, t = 0.15;
+  for (const double from : {0.9, 0.1}) {
+    SystemSpec spec = system({free_bus(100.0)});
+    spec.devices = {
+        with_vector(device("jet", "thruster", {{"thrust", 4.5}, {"specific_impulse", 220.0}, {"rise_time", rise}, {"fall_time", fall}},
+                           {{"at", "bus"}}),
+                    "direction", {0, 0, 1})};
+    spec.devices[0].inputs["command"] = {0.4, {}};
+    spec.devices[0].initial["level"] = number(from), spec.devices[0].initial["propellant"] = number(0.6);  // used before
+    Simulation sim(compiled(spec), accurate());
+    sim.run(t);
+    EXPECT_NEAR(sim.state().z[0], 0.4 + (from - 0.4) * std::exp(-t / (from > 0.4 ? fall : rise)), 1e-11);
+  }
 }
 
 /// What is commanded at each tick of 0.5 s, of a valve whose shortest pulse is 0.05 s: the impulse is F times the time that it is open,
@@ -124,16 +144,37 @@ TEST(Magnetorquer, CrossesTheFieldOfADipole) {
     SystemSpec spec = system({bus});
     spec.fields = {{"earth", "dipole", {}, false, {}}};
     spec.devices = {device("rods", "magnetorquer", {{"max_moment", 30.0}}, {{"at", "bus"}})};
-    spec.devices[0].inputs["moment_x"] = {50.0, {}};  // cut to 30
+    spec.devices[0].inputs["moment_x"] = {50.0, {}};   // cut to 30
+    spec.devices[0].inputs["moment_y"] = {-50.0, {}};  // cut to -30
     spec.devices[0].inputs["moment_z"] = {10.0, {}};
     Simulation sim(compiled(spec), {});
     sim.observe();
     const Vector3d B(sim.device_output(0), sim.device_output(1), sim.device_output(2)), field(0, 0, (pole ? 2.0 : -1.0) * D / (r * r * r));
     EXPECT_LT((B - field).norm(), 1e-18);
     const Vector3d moment = to_eigen(sim.wrenches()[0].f.n);
-    EXPECT_LT((moment - Vector3d(30, 0, 10).cross(field)).norm(), 1e-15);
+    EXPECT_LT((moment - Vector3d(30, -30, 10).cross(field)).norm(), 1e-15);
     EXPECT_NEAR(moment.dot(B), 0.0, 1e-19);
   }
+}
+
+/// At any place and attitude: B = D / r^3 (3 (a . r) r - a) and m x B in the axes of the node.
+TEST(Magnetorquer, TellsTheFieldInTheAxesOfItsNode) {
+  const double D = -7.77e15;
+  const Eigen::Quaterniond q = Eigen::Quaterniond(0.7, -0.3, 0.5, 0.4).normalized();
+  const Vector3d place(3e6, -4e6, 5e6), centre(1e5, -2e5, 3e5), axis(0.36, -0.48, 0.8), m(12, -17, 25), up = (place - centre).normalized();
+  BodySpec bus = free_bus(100.0);
+  bus.hinge.q = {q.w(), q.x(), q.y(), q.z(), place[0], place[1], place[2]};
+  SystemSpec spec = system({bus});
+  spec.fields = {{"earth", "dipole", {}, false, {}}};
+  spec.fields[0].params["axis"].value = std::vector<double>{axis[0], axis[1], axis[2]};
+  spec.fields[0].params["centre"].value = std::vector<double>{centre[0], centre[1], centre[2]};
+  spec.devices = {device("rods", "magnetorquer", {{"max_moment", 30.0}}, {{"at", "bus"}})};
+  for (int i = 0; i < 3; ++i) spec.devices[0].inputs[std::string("moment_") + "xyz"[i]] = {m[i], {}};
+  Simulation sim(compiled(spec), {});
+  sim.observe();
+  const Vector3d B = q.conjugate() * Vector3d(D / std::pow((place - centre).norm(), 3) * (3.0 * axis.dot(up) * up - axis));
+  EXPECT_LT((Vector3d(sim.device_output(0), sim.device_output(1), sim.device_output(2)) - B).norm(), 1e-14 * B.norm());
+  EXPECT_LT((to_eigen(sim.wrenches()[0].f.n) - m.cross(B)).norm(), 1e-14 * m.norm() * B.norm());
 }
 
 /// Of J w' = n K i, L i' = U - R i - K n w from rest; both poles real here.
@@ -218,6 +259,28 @@ TEST(Latch, CatchesWhatIsSlowEnough) {
     EXPECT_NEAR(sim.state().q[0], rate < 1.0 ? place + rate / omega * std::sin(omega * 0.37) : rate * t, 1e-8);
     EXPECT_EQ(sim.state().marks[0], rate < 1.0 ? 1.0 : 0.0);
     EXPECT_TRUE(sim.ledger().pass);
+  }
+}
+
+/// What it has caught swings about its place and comes to rest: v / w_d exp(-a s) sin(w_d s). It catches from either side.
+TEST(Latch, HoldsByItsDamperToo) {
+  const double J = 0.4, k = 90.0, c = 1.6, place = 0.5, s = 0.37, a = c / (2 * J), w = std::sqrt(k / J - a * a);
+  for (const double side : {1.0, -1.0}) {
+    const double rate = 0.9 * side, begin = place - 0.3 * side;
+    BodySpec arm = hinged(J);
+    arm.hinge.q = {begin}, arm.hinge.v = {rate};
+    SystemSpec spec = system({arm});
+    spec.devices = {device("latch", "latch", {{"place", place}, {"max_rate", 1.0}, {"stiffness", k}, {"damping", c}}, {{"at", "arm"}})};
+    Simulation sim(compiled(spec), accurate());
+    sim.run((place - begin) / rate + s);
+    EXPECT_NEAR(sim.state().q[0], place + rate / w * std::exp(-a * s) * std::sin(w * s), 1e-8);
+    EXPECT_NEAR(sim.device_output(0), J * sim.vdot()[0], 1e-12);
+    EXPECT_TRUE(sim.ledger().pass);
+    arm.hinge.v = {1.1 * side};
+    spec.bodies = {arm};
+    Simulation fast(compiled(spec), accurate());
+    fast.run((place - begin) / (1.1 * side) + s);
+    EXPECT_EQ(fast.state().v[0], 1.1 * side);  // not caught
   }
 }
 

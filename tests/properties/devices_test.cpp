@@ -144,6 +144,23 @@ TEST(MomentumWheel, IsDrivenUpToItsGreatestRate) {
   }
 }
 
+/// One that is faster than its motor drives it is left alone by it, and braked.
+TEST(MomentumWheel, BeyondItsGreatestRateIsBrakedAlone) {
+  const double J = 0.05, T = 0.2, most = 400.0;
+  for (const double side : {1.0, -1.0}) {
+    SystemSpec spec = system({on(rigid("bus", 20.0, {0, 0, 0}, diagonal({3, 3, 3})), "", "revolute", {{0, 0, 1}})});
+    DeviceSpec wheel = device("wheel", "momentum_wheel", {{"inertia", J}, {"max_torque", T}, {"max_rate", most}}, {{"at", "bus"}});
+    wheel.initial["momentum"] = number(1.05 * J * most * side), wheel.inputs["torque"] = {side * T, {}};
+    spec.devices = {wheel};
+    Simulation sim(compiled(spec), accurate());
+    sim.run(1.0);
+    EXPECT_EQ(sim.state().z[0], 1.05 * J * most * side);
+    EXPECT_EQ(sim.device_output(0), sim.state().z[0]);
+    sim.set_device_input(0, -side * T), sim.run(2.0);
+    EXPECT_NEAR(sim.state().z[0], (1.05 * J * most - T) * side, 1e-12);
+  }
+}
+
 /// v' of the sweeps with devices is that of the dense twin with the same loads.
 TEST(Devices, AgreeWithTheDenseTwin) {
   for_all_trees(kAny, 1e-10, [](const RandomTree& tree) {
@@ -602,6 +619,60 @@ TEST(Imu, HasNoiseOfItsSpectralDensity) {
     EXPECT_NEAR(std::sqrt(spread / static_cast<double>(biases.size() - lag)), wander, 5.0 * wander / std::sqrt(1000.0));
     EXPECT_NEAR(lagged / spread, std::exp(-1.0), 5.0 / std::sqrt(1000.0));
   }
+}
+
+/// From its first sample on a bias that wanders has the spread that it keeps, and all that is drawn is drawn by itself.
+TEST(Imu, BeginsAnywhereInTheSpreadOfItsBias) {
+  const double N = 2e-3, wander = 0.04, period = 0.01, variance = N * N / period + wander * wander;
+  SystemSpec spec = system({on(rigid("bus", 100.0, {0, 0, 0}, diagonal({20, 20, 30})), "", "locked")});
+  spec.devices = {device("imu", "imu",
+                         {{"angle_random_walk", N},
+                          {"gyro_wander", wander},
+                          {"gyro_wander_time", 1e3},
+                          {"velocity_random_walk", N},
+                          {"accelerometer_wander", wander},
+                          {"accelerometer_wander_time", 1e3}},
+                         {{"at", "bus"}})};
+  spec.devices[0].period = period;
+  const auto model = compiled(spec);
+  const cardan_device_family& imu = *registry().device("imu");
+  const int units = 4000;
+  Eigen::Matrix<double, 6, 6> sum = Eigen::Matrix<double, 6, 6>::Zero();
+  for (unsigned seed = 0; seed < units; ++seed) {
+    std::vector<double> marks = model->devices.marks0, noise(imu.n_noise), z;
+    normal_noise(noise_key(seed, "imu"), 0, imu.n_noise, noise.data());
+    cardan_mount_motion still{};
+    const cardan_device_args at{sizeof at, 0.0, model->devices.all[0].packed.data(), nullptr, &still, nullptr, marks.data()};
+    ASSERT_EQ(imu.tick(&at, period, noise.data(), z.data(), marks.data()), 0);
+    const Eigen::Map<const Eigen::Vector<double, 6>> read(marks.data());
+    sum += read * read.transpose();
+  }
+  for (int i = 0; i < 6; ++i)  // five standard deviations
+    for (int j = 0; j < 6; ++j)
+      EXPECT_NEAR(sum(i, j) / units, i == j ? variance : 0.0, 5.0 * variance * std::sqrt((i == j ? 2.0 : 1.0) / units));
+}
+
+/// Whichever of its six axes is at its end, it reads the end there and says so.
+TEST(Imu, SaysThatAnAxisIsAtItsEnd) {
+  for (int axis = 0; axis < 6; ++axis)
+    for (const double x : {0.9, 1.1, -1.1}) {
+      const bool turns = axis < 3;
+      BodySpec bus = on(rigid("bus", 100.0, {0, 0, 0}, diagonal({20, 20, 20})), "", "free");
+      Vector3d push = Vector3d::Zero();
+      if (turns)
+        bus.hinge.v = {0, 0, 0, 0, 0, 0}, bus.hinge.v[static_cast<std::size_t>(axis)] = x;
+      else
+        push[axis - 3] = x;
+      SystemSpec spec = system({bus});
+      spec.devices = {device("imu", "imu", {{"gyro_range", 1.0}, {"accelerometer_range", 1.0}}, {{"at", "bus"}})};
+      spec.devices[0].rate = 10.0;
+      Simulation sim(compiled(spec), accurate());
+      sim.set_wrench(sim.add_wrench(sim.model().find_node("bus"), false),
+                     {{0, 0, 0}, {100.0 * push.x(), 100.0 * push.y(), 100.0 * push.z()}});
+      sim.run(0.05);
+      for (int i = 0; i < 6; ++i) EXPECT_NEAR(sim.device_output(i), i == axis ? std::clamp(x, -1.0, 1.0) : 0.0, 1e-12) << axis;
+      EXPECT_EQ(sim.device_output(6), std::abs(x) < 1.0 ? 1.0 : 0.0) << axis << ", " << x;
+    }
 }
 
 /// The same noise whatever else is described, at whatever places; another seed gives another.

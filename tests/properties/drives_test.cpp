@@ -50,10 +50,12 @@ TEST(Stepper, HoldsUpToItsTorque) {
     Simulation sim(compiled(spec), accurate("cvode_bdf", 1e-10));
     sim.run(0.5);
     const double steps = sim.state().q[0] / step;
-    if (load < Th)
+    if (load < Th) {
       EXPECT_NEAR(steps, -std::asin(load / Th) / p / step, 1e-6);
-    else
+      EXPECT_NEAR(sim.device_output(0), load, 1e-5);
+    } else {
       EXPECT_LT(steps, -100.0);  // 0.1 N m over 20 N m s, for a part of the time
+    }
   }
 }
 
@@ -90,6 +92,18 @@ TEST(Stepper, TurnsBackWhereItHasJustStepped) {
     sim.run(0.75 / microsteps + 4.5);
     EXPECT_NEAR(sim.device_output(1), step * std::round(0.25 - 4.5 * microsteps) / microsteps, 1e-14);
     EXPECT_TRUE(sim.ledger().pass);
+  }
+}
+
+/// A field that begins between two of its places stands at the nearer one.
+TEST(Stepper, BeginsAtTheNearestMicrostep) {
+  const double step = 0.02;
+  for (const double steps : {0.7, -0.7, 2.2}) {
+    SystemSpec spec = on_a_shaft(0.001, 0.0, {{"step", step}, {"holding_torque", 2.0}, {"microsteps", 2.0}, {"damping", 0.6}}, 0.0);
+    spec.devices[0].initial["steps"] = number(steps);
+    Simulation sim(compiled(spec), accurate());
+    sim.run(0.0);
+    EXPECT_NEAR(sim.device_output(1), step * 0.5 * std::round(2.0 * steps), 1e-16) << steps;
   }
 }
 
@@ -190,6 +204,34 @@ TEST(RotorDisturbance, HasTheForceOfTheImbalance) {
   EXPECT_NEAR(f[2], f.norm() * std::sin(1.2), 1e-14);
   EXPECT_NEAR(m[2], m.norm() * std::sin(1.2), 1e-14);
   EXPECT_NEAR(m.norm(), 1.54e-6 * std::pow(200 * pi, 2), 1e-12);
+  EXPECT_NEAR(m[1], m.norm() * std::cos(1.2), 1e-14);
+  for (int i = 0; i < 3; ++i) {
+    EXPECT_NEAR(sim.device_output(i), f[i], 1e-14);
+    EXPECT_NEAR(sim.device_output(3 + i), m[i], 1e-14);
+  }
+}
+
+/// About any axis what turns with the rotor is across it, and a quarter of a turn later it is turned by a quarter about it.
+TEST(RotorDisturbance, TurnsAboutItsAxis) {
+  for (const Vector3d& u : {Vector3d(0.36, 0.48, 0.8), Vector3d(0.96, -0.28, 0), Vector3d(-0.48, 0.6, 0.64)}) {
+    const auto pushed = [&](double phase) {
+      SystemSpec spec = system({floating(1.0)});
+      spec.devices = {with_rows(with_vector(device("jitter", "wheel_disturbance", {}, {{"at", "bus"}}), "axis", u), "harmonics",
+                                {1, 2e-3, 3e-3, 0, phase})};
+      spec.devices[0].inputs["rate"] = {10.0, {}};
+      Simulation sim(compiled(spec), {});
+      sim.observe();
+      return std::pair(Vector3d(sim.device_output(0), sim.device_output(1), sim.device_output(2)),
+                       Vector3d(sim.device_output(3), sim.device_output(4), sim.device_output(5)));
+    };
+    const auto [f, m] = pushed(0.4);
+    const auto [later, moment_later] = pushed(0.4 + 0.5 * pi);
+    const Vector3d near = std::abs(u.x()) < 0.8 ? Vector3d::UnitX() : Vector3d::UnitY(), e = near.cross(u).cross(u).normalized() * -1.0;
+    EXPECT_LT((f - 0.2 * (std::cos(0.4) * e + std::sin(0.4) * u.cross(e))).norm(), 1e-15);
+    EXPECT_LT((m - 1.5 * f).norm(), 1e-15);
+    EXPECT_LT((later - u.cross(f)).norm(), 1e-15);
+    EXPECT_LT((moment_later - u.cross(m)).norm(), 1e-15);
+  }
 }
 
 /// The same as a rotor out of balance on a hinge whose rate is given: (M + m) x'' = m e W^2 cos(W t).
@@ -319,6 +361,29 @@ TEST(RecordedLoad, HasEndsAsTold) {
   for (int i = 0; i <= 6; ++i) sixths.push_back(i / 6.0);
   const auto of_sixths = [&](double t) { return odd[static_cast<std::size_t>(std::lround(6 * t))]; };
   EXPECT_NEAR(driven(rows_of_force(sixths, of_sixths), "cubic", "repeat", 0.4, 0.2).second, 0.0, 1e-14);
+}
+
+/// What repeats has no beginning: wherever its record is cut, and however its times are counted, it is the same.
+TEST(RecordedLoad, MayBeginAnywhereInItsPeriod) {
+  const std::vector<double> parts = {0.0, 0.1, 0.25, 0.3, 0.42, 0.55, 0.61, 0.7}, loads = {0.4, -1.0, 2.0, 0.3, -0.8, 1.7, 0.9, 0.4};
+  const double period = 0.7;
+  const auto from = [&](std::size_t cut, double shift) {
+    std::vector<double> rows;
+    for (std::size_t i = 0; i <= 7; ++i) {
+      const std::size_t k = (cut + i) % 7;
+      rows.insert(rows.end(), {parts[k] + (cut + i >= 7 ? period : 0.0) + shift, loads[k], 0, 0, 0, 0, 0});
+    }
+    return rows;
+  };
+  for (const char* between : {"cubic", "linear", "steps"}) {
+    const auto [x, v] = driven(from(0, 0.0), between, "repeat", 1.9);
+    for (const auto& [cut, shift] : {std::pair<std::size_t, double>(0, 2.1), {3, 0.0}, {3, -4.9}, {6, 0.0}, {5, 7.0}}) {
+      const auto [x_cut, v_cut] = driven(from(cut, shift), between, "repeat", 1.9);
+      EXPECT_NEAR(v_cut, v, 1e-11) << between << " " << cut << " " << shift;  // steps at 1e-10 of polynomials
+      EXPECT_NEAR(x_cut, x, 1e-11) << between << " " << cut << " " << shift;
+    }
+    EXPECT_NEAR(driven(from(0, 0.0), between, "repeat", 1.9, 1.4).second, v, 1e-11) << between;  // two periods before its start
+  }
 }
 
 /// Told in the midst of a run that it starts at another time it is at the row of that time.

@@ -276,5 +276,34 @@ TEST(PulsedThruster, ScattersAsItSays) {
   EXPECT_NEAR(std::sqrt(squares / n), 0.05, 4 * 0.05 / std::sqrt(2.0 * n));
 }
 
+/// However widely its bits scatter, none draws.
+TEST(PulsedThruster, NeverPulls) {
+  SystemSpec spec = system({on(particle("mass", 4.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}})});
+  DeviceSpec thruster = device("jet", "pulsed_thruster", {{"bit", 0.2}, {"scatter", 2.0}}, {{"at", "mass"}});
+  thruster.rate = 100.0, thruster.inputs["fire"] = {1.0, {}};
+  spec.devices = {thruster};
+  Simulation sim(compiled(spec), accurate());
+  int none = 0;
+  for (int k = 0; k < 100; ++k) {
+    const double before = sim.state().v[0];
+    sim.run(0.01 * k + 0.005);
+    EXPECT_GE(sim.state().v[0], before);
+    none += sim.state().v[0] == before;
+  }
+  EXPECT_GT(none, 10);  // of a normal number below -1/2, three of ten
+  EXPECT_NEAR(sim.device_output(1), 4.0 * sim.state().v[0], 1e-12);
+}
+
+TEST(PulsedThruster, PushesAlongItsDirection) {
+  const Vector3d u(0.36, -0.48, 0.8);
+  SystemSpec spec = system({on(rigid("bus", 4.0, {0, 0, 0}, diagonal({1, 2, 3})), "", "free")});
+  DeviceSpec thruster = with_vector(device("jet", "pulsed_thruster", {{"bit", 0.2}}, {{"at", "bus"}}), "direction", u);
+  thruster.rate = 10.0, thruster.inputs["fire"] = {1.0, {}};
+  spec.devices = {thruster};
+  Simulation sim(compiled(spec), accurate());
+  sim.run(0.05);
+  EXPECT_LT((sim.state().v.segment<3>(3) - 0.05 * u).norm(), 1e-16);
+}
+
 }  // namespace
 }  // namespace cardan::test

@@ -264,6 +264,7 @@ TEST(Cable, CatchesAndLetsGo) {
       EXPECT_LT(back, 0.0);
       EXPECT_NEAR(sim.state().v[0], back, 1e-9) << c << ", " << method;
       EXPECT_NEAR(sim.state().q[0], length + out + back * rest, 1e-9) << c << ", " << method;
+      EXPECT_NEAR(sim.device_output(0), sim.state().q[0], 1e-15);
       EXPECT_EQ(sim.device_output(1), 0.0);
       EXPECT_TRUE(sim.ledger().pass) << c << ", " << method;
       EXPECT_LT(sim.ledger().energy_relative, 1e-9) << c << ", " << method;

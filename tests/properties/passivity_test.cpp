@@ -189,5 +189,32 @@ TEST(Drag, OfStillAirTakesPower) {
   for (const double f : drag.load[0].force) EXPECT_EQ(f, 0.0);
 }
 
+/// Of what moves through a wind it is that of what moves by so much less in still air.
+TEST(Drag, IsOfTheAirThatGoesBy) {
+  Random random(7);
+  Asked drag(device("drag", "drag", {{"area", 3.0}, {"coefficient", 1.7}}, {{"at", "bus"}}));
+  DeviceSpec sail = device("plate", "plate_drag", {{"area", 3.0}, {"temperature", 900.0}}, {{"at", "bus"}});
+  Asked plate(with_vector(sail, "normal", {0.36, 0.48, 0.8})), still(with_vector(sail, "normal", {0.36, 0.48, 0.8}));
+  for (int k = 0; k < 50; ++k) {
+    Vector3d u;
+    for (int i = 0; i < 3; ++i) {
+      const double v = random.between(-500, 500), w = random.between(-500, 500);
+      u[i] = v - w;
+      drag.mount[0].velocity[i] = plate.mount[0].velocity[i] = v, drag.mount[2].field[i] = plate.mount[2].field[i] = w;
+      still.mount[0].velocity[i] = v - w;
+    }
+    const double rho = random.of_any_size(1e-12, 1);
+    for (Asked* of : {&drag, &plate, &still}) {
+      of->mount[1].field[0] = rho;
+      of->ask();
+      EXPECT_EQ(of->out[0], rho);
+    }
+    const Vector3d force = -0.5 * rho * 1.7 * 3.0 * u.norm() * u;
+    EXPECT_LE((Vector3d::Map(drag.load[0].force) - force).norm(), 1e-14 * force.norm());
+    const Vector3d on_plate = Vector3d::Map(still.load[0].force);
+    EXPECT_LE((Vector3d::Map(plate.load[0].force) - on_plate).norm(), 1e-14 * on_plate.norm());
+  }
+}
+
 }  // namespace
 }  // namespace cardan::test

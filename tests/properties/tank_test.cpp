@@ -149,7 +149,7 @@ TEST(Tank, WherePropellantIsFollowsFromItsFill) {
   const double radius = 0.5, length = 1.2, density = 900.0;
   for (const std::string shape : {"sphere", "cylinder"})
     for (const std::string fill : {"even", "settled", "ball"})
-      for (const double part : {0.1, 0.5, 0.8}) {
+      for (const double part : {0.1, 0.5, 0.8, 1.0}) {
         if (shape == "cylinder" && fill == "ball") continue;
         const double volume = std::numbers::pi * radius * radius * (shape == "sphere" ? 4.0 / 3.0 * radius : length),
                      m = part * density * volume;
@@ -181,6 +181,33 @@ TEST(Tank, WherePropellantIsFollowsFromItsFill) {
       }
 }
 
+/// The same in a tank that stands anywhere else along any axis, moved and turned: by Steiner's theorem.
+TEST(Tank, IsWhereItsPlaceAndItsAxisSay) {
+  const Vector3d place(0.7, -0.4, 1.1), axis(0.36, -0.48, 0.8);
+  const Eigen::Matrix3d R = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis).toRotationMatrix();
+  for (const std::string shape : {"sphere", "cylinder"}) {
+    SystemSpec spec = system({on(rigid("bus", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "free")});
+    DeviceSpec d = tank("bus", 300.0, 0.5, "");
+    d.inputs.clear();
+    d.params["length"] = number(1.2), d.params["density"] = number(900.0);
+    d.params["shape"].value = shape, d.params["fill"].value = std::string("settled");
+    spec.devices = {d};
+    const RigidInertia<double> at_home = compiled(spec)->user[0].M;
+    spec.devices = {with_vector(with_vector(d, "position", place), "axis", axis)};
+    const RigidInertia<double> M = compiled(spec)->user[0].M;
+    const auto point = [](double m, const Vector3d& r) -> Eigen::Matrix3d {
+      return m * (r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose());
+    };
+    const double m = 300.0;
+    const Eigen::Matrix3d of_bus = Eigen::Matrix3d::Identity();
+    const Vector3d centre = to_eigen(at_home.h) / m, there = place + R * centre;
+    const Eigen::Matrix3d about_centre = to_eigen(at_home.J) - of_bus - point(m, centre);
+    EXPECT_NEAR(M.m, 301.0, 1e-12);
+    EXPECT_LT((to_eigen(M.h) - m * there).norm(), 1e-12) << shape;
+    EXPECT_LT((to_eigen(M.J) - of_bus - R * about_centre * R.transpose() - point(m, there)).norm(), 1e-11) << shape;
+  }
+}
+
 /// The gas expands as it empties: F falls with p = p_0 (V_0 / V)^n, and m' with it: (V^(n+1) - V_0^(n+1)) / (n + 1) = V_0^n mu_0 t / rho.
 TEST(Tank, TheThrustFallsAsItsGasExpands) {
   const double radius = 0.4, density = 1000.0, loaded = 180.0, n = 1.3, F = 40.0, isp = 215.0, t = 900.0;
@@ -194,6 +221,7 @@ TEST(Tank, TheThrustFallsAsItsGasExpands) {
   const double gas = 4.0 / 3.0 * std::numbers::pi * std::pow(radius, 3) - loaded / density, mu = F / (isp * kG0);
   const double now = std::pow(std::pow(gas, n + 1) + (n + 1) * std::pow(gas, n) * mu * t / density, 1.0 / (n + 1));
   EXPECT_NEAR(sim.state().z[2], loaded - density * (now - gas), 1e-7);
+  EXPECT_NEAR(sim.state().z[1], density * (now - gas), 1e-7);  // what the thruster has used
   EXPECT_NEAR(sim.device_output(0), F * std::pow(gas / now, n), 1e-7);
 }
 
@@ -535,6 +563,21 @@ TEST(Tank, ThatIsFilledAgainGivesAgain) {
     sim.run(5.0);
     EXPECT_EQ(sim.state().z[0], 0.25) << method;
   }
+}
+
+/// Full to the last drop, settled in a sphere, it gives as well: its mass centre goes down by R dm / m at first.
+TEST(Tank, ThatIsFullGives) {
+  const double radius = 0.4, density = 1000.0, volume = 4.0 / 3.0 * std::numbers::pi * radius * radius * radius, t = 5.0;
+  BodySpec bus = on(rigid("bus", 40.0, {0, 0, 0}, diagonal({6, 7, 8})), "", "free");
+  bus.hinge.v = {0.3, 0.2, -0.4, 0, 0, 0};
+  SystemSpec spec = system({bus});
+  DeviceSpec d = tank("bus", density * volume, radius, "jet.flow");
+  d.params["density"] = number(density), d.params["fill"].value = std::string("settled");
+  spec.devices = {d, thruster("jet", "bus", 10.0, 220.0, {1, 0, 0})};
+  Simulation sim(compiled(spec), accurate());
+  sim.run(t);
+  EXPECT_NEAR(sim.state().z[2], density * volume - 10.0 * t / (220.0 * kG0), 1e-10);
+  EXPECT_TRUE(sim.ledger().pass) << residuals(sim);
 }
 
 TEST(Tank, RefusesWhatItCannotCarry) {
