@@ -277,6 +277,22 @@ TEST(TurningPlanet, HasTheAxesOfTheEarth) {
   }
 }
 
+/// Either coordinate of the pole moves it by itself.
+TEST(TurningPlanet, HasItsPoleWhereEitherCoordinateSays) {
+  const std::map<std::string, std::vector<double>> given = {
+      {"mu", {4e14}}, {"radius", {6.4e6}}, {"coefficients", {2, 0, -5e-4, 0, 2, 2, 2e-6, -1e-6, 3, 1, 2e-6, 3e-7}}, {"rate", {0.0}}};
+  const AskedField still("spherical_harmonics", given);
+  const Vector3d place(7e6, -1e6, 3e6);
+  for (const auto& [key, axis] : {std::pair<std::string, Vector3d>("pole_x", Vector3d::UnitY()), {"pole_y", Vector3d::UnitX()}}) {
+    auto moved = given;
+    moved[key] = {8e-5};
+    const Matrix3d R = Eigen::AngleAxisd(-8e-5, axis).toRotationMatrix();
+    const auto a = AskedField("spherical_harmonics", moved).at(place), b = still.at(R.transpose() * place);
+    EXPECT_LE((a.value.head<3>() - R * b.value.head<3>()).norm() / a.value.head<3>().norm(), 1e-15) << key;
+    EXPECT_GT((a.value.head<3>() - still.at(place).value.head<3>()).norm() / a.value.head<3>().norm(), 1e-8) << key;
+  }
+}
+
 /// Light comes from where the Sun is, by the square of its distance; half of it where its centre is at the edge of the shadow.
 TEST(Sunlight, ComesFromTheSunOfItsDate) {
   const std::string date = "2026-01-03T17:00:00 UTC";  // near the perihelion
@@ -320,6 +336,30 @@ TEST(Sunlight, IsWhatTheSphereLeavesOfTheDisc) {
   }
 }
 
+/// A sphere that is seen within the disc of the Sun leaves a ring of it, and has its edges where it goes in and comes out; a larger one
+/// hides the disc between such edges. Inside of the sphere it is night, on the side of the Sun too.
+TEST(Sunlight, HasEdgesWhereTheDiscsTouch) {
+  const double a = 0.05, r = 1e7;
+  const Vector3d centre(2e6, -3e6, 5e6);
+  for (const double b : {0.02, 0.21}) {
+    const AskedField light("sunlight", {{"irradiance", {1.0}},
+                                        {"direction", {1.0, 0.0, 0.0}},
+                                        {"disc", {a}},
+                                        {"radius", {r * std::sin(b)}},
+                                        {"centre", {centre[0], centre[1], centre[2]}}});
+    const auto place = [&](double c) { return Vector3d(centre + r * Vector3d(-std::cos(c), std::sin(c), 0.0)); };
+    for (const double c : {0.01, 0.029, 0.031, 0.07, 0.15, 0.17, 0.27}) {
+      const std::vector<double> g = light.edges(place(c));
+      ASSERT_EQ(g.size(), 2u);
+      EXPECT_NEAR(g[0], c - (a + b), 1e-13);
+      EXPECT_NEAR(g[1], c - std::abs(a - b), 1e-13);
+    }
+    EXPECT_NEAR(light.at(place(0.01)).value.norm(), b < a ? 1.0 - b * b / (a * a) : 0.0, 1e-14);
+    for (const Vector3d& u : {Vector3d(1, 0, 0), Vector3d(0, 1, 0), Vector3d(-1, 0, 0)})
+      EXPECT_EQ(light.at(centre + 0.5 * r * std::sin(b) * u).value.norm(), 0.0);
+  }
+}
+
 /// About the Sun it comes from the origin.
 TEST(Sunlight, GoesOutFromTheSunAtTheOrigin) {
   const AskedField light("sunlight", {{"origin", {0.0}}, {"radius", {0.0}}}, {{"epoch", "2026-01-03T17:00:00 UTC"}});
@@ -348,6 +388,20 @@ TEST(HarrisPriester, IsAirOfAPlanet) {
 TEST(Ellipsoid, HasAHeightAtItsCentre) {
   const AskedField table("tabulated_atmosphere", {{"table", {0.0, 1.0, 1e5, 1e-6}}, {"flattening", {0.003}}});
   EXPECT_TRUE(std::isfinite(table.at(Vector3d::Zero()).value[0]));
+}
+
+/// About any centre and any axis the height is that of the place which is moved and turned with them.
+TEST(Ellipsoid, StandsAboutItsAxis) {
+  const std::map<std::string, std::vector<double>> given = {{"table", {0.0, 1.0, 1e6, 1e-6}}, {"flattening", {0.05}}};
+  auto turned = given;
+  const Vector3d axis(0.36, -0.48, 0.8), centre(1e5, -3e5, 2e5);
+  turned["axis"] = {axis[0], axis[1], axis[2]}, turned["centre"] = {centre[0], centre[1], centre[2]};
+  const AskedField home("tabulated_atmosphere", given), there("tabulated_atmosphere", turned);
+  const Matrix3d R = Eigen::Quaterniond::FromTwoVectors(Vector3d::UnitZ(), axis).toRotationMatrix();
+  for (const Vector3d& u : {Vector3d(1, 0, 0), Vector3d(0.6, 0, 0.8), Vector3d(0.36, 0.48, -0.8)}) {
+    const Vector3d place = 6.7e6 * u;
+    EXPECT_NEAR(there.at(centre + R * place).value[0] / home.at(place).value[0], 1.0, 1e-12);  // 1e-9 m of a scale height of 72 km
+  }
 }
 
 /// Around another body there is no shadow of the Earth's size; what does not go together is refused.

@@ -112,6 +112,17 @@ TEST(TurningPlanet, StandsWhereTheEarthDoes) {
               std::fmod(0.4022837240028158 + 2.0 * M_PI * 1.00273781191135448 * 23436.5 / 86400.0, 2.0 * M_PI), 1e-12);
 }
 
+/// Its attitude is the quaternion of its axes with w >= 0, after more than half a turn too.
+TEST(TurningPlanet, TellsTheNearerOfBothQuaternions) {
+  const double rate = 1e-3;
+  const AskedField field("planet_attitude", {{"rate", {rate}}});
+  for (const double angle : {0.4, 2.0, 3.0, 3.5, 4.4, 6.0}) {
+    const double half = angle < M_PI ? 0.5 * angle : 0.5 * angle - M_PI;
+    EXPECT_LT((field.at(Vector3d::Zero(), angle / rate).value - Eigen::Vector4d(std::cos(half), 0, 0, std::sin(half))).norm(), 1e-14)
+        << angle;
+  }
+}
+
 /// A box against its masses, by Gauss' points in each of 6 x 6 x 6 parts; beyond its surface there is no more to know.
 TEST(Polyhedron, PullsAsItsMassesDo) {
   const Vector3d edges(2.0, 3.0, 1.2), axis = Vector3d(1.0, 2.0, -0.5).normalized(), meridian(0.4, 0.2, 1.0), centre(3.0, -1.0, 2.0);

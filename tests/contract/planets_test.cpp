@@ -243,6 +243,13 @@ TEST(Bulletin, TellsHowTheEarthStands) {
   EXPECT_LE((found.transpose() - wanted).norm(), 3e-11);
   EXPECT_EQ(answer.beyond, 0);
   EXPECT_EQ(field.at(Vector3d::Zero(), 2.6 * 86400.0).beyond, 1);
+  for (const char* told : {"pole_x", "pole_y", "dut1"}) {
+    auto twice = given;
+    twice[told] = {1e-6};
+    const AskedField refused("planet_attitude", twice, {{"epoch", date}}, {{"bulletin", csv.str()}});
+    EXPECT_EQ(refused.refusal(), "none: `bulletin` tells it") << told;
+    EXPECT_EQ(refused.key(), told);
+  }
 }
 
 /// A bulletin that goes on: as a field that is given the numbers of that instant.
@@ -299,8 +306,13 @@ TEST(TurningPlanet, HasTheAxesOfOtherBodies) {
             "7.088218e-05 rad/s, that of the body, whose orientation is mars");
   given["rate"] = {7.088218e-5};
   EXPECT_EQ(AskedField("spherical_harmonics", given).refusal(), "a date of UTC, UT1, TT or TAI from 1960 to 2200: 2026-11-26T12:00:00 UTC");
-  given["pole_y"] = {1e-6};
-  EXPECT_EQ(AskedField("spherical_harmonics", given, {{"epoch", date}}).refusal(), "0: only the Earth has it");
+  for (const char* earths : {"pole_x", "pole_y", "dut1"}) {
+    auto more = given;
+    more[earths] = {1e-6};
+    const AskedField refused("spherical_harmonics", more, {{"epoch", date}});
+    EXPECT_EQ(refused.refusal(), "0: only the Earth has it") << earths;
+    EXPECT_EQ(refused.key(), earths);
+  }
 }
 
 }  // namespace

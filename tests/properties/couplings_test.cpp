@@ -70,6 +70,18 @@ TEST(SmoothFunctions, OfATableGoThroughItsPointsAndHaveNoCorner) {
   for (const double at : {-1.0, 0.2, 1.1, 4.0}) EXPECT_NEAR(line.at(at).value, 1.0 + 2.0 * at, 1e-14);
 }
 
+/// What repeats may begin anywhere: before its first point it is what it is a period later.
+TEST(SmoothFunctions, OfATableThatRepeatsMayBeginAnywhere) {
+  const double period = 4.0;
+  const SmoothFunction F = SmoothFunction::through({1.5, 2.5, 4.0, 5.5}, {0.2, 0.7, -0.3, 0.2}, true),
+                       shifted = SmoothFunction::through({2.5, 4.0, 5.5, 6.5}, {0.7, -0.3, 0.2, 0.7}, true);
+  for (const double x : {-3.2, 0.0, 0.7, 1.49, 3.1, 5.6, 9.9}) {
+    EXPECT_NEAR(F.at(x).value, F.at(x + period).value, 1e-14) << x;
+    EXPECT_NEAR(F.at(x).slope, F.at(x + period).slope, 1e-14) << x;
+    EXPECT_NEAR(F.at(x).value, shifted.at(x).value, 1e-14) << x;
+  }
+}
+
 // A function that repeats, through n of its points: four times the points, 4^-4 the error.
 TEST(SmoothFunctions, OfATableConvergeWithTheFourthPower) {
   const auto error = [](int n) {

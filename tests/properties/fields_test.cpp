@@ -693,6 +693,8 @@ TEST(FieldsOfDevices, LightPressesOnSpheresAndPlates) {
   EXPECT_LE((force({{"diffuse", 1.0}}, n) + P * A * s * (towards + 2.0 / 3.0 * n)).norm(), tiny);
   EXPECT_EQ(force({{"specular", 0.4}}, -n).norm(), 0.0);
   EXPECT_LE((force({{"specular", 0.4}, {"diffuse", 0.3}}, -n, true, true) - force({{"specular", 0.4}, {"diffuse", 0.3}}, n)).norm(), tiny);
+  EXPECT_NO_THROW(force({{"specular", 0.6}, {"diffuse", 0.4}}, n));
+  EXPECT_THROW(force({{"specular", 0.6}, {"diffuse", 0.5}}, n), InputError);
 }
 
 /// U by Legendre polynomials of another hand; that the pull is its slope is a law of fields.

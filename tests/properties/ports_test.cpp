@@ -508,6 +508,26 @@ TEST(PortFaults, AreDrawnAtTicks) {
   EXPECT_NE(seen.in, seen.out);
 }
 
+/// What is lost is lost whatever noise it would have had.
+TEST(PortFaults, AreLostWhateverTheirNoise) {
+  DeviceSpec held = block("held", "sampler", 1000.0);
+  held.inputs["x"] = {3.0, {}};
+  Simulation sim(with_own({held}), {});
+  PortFault f = fault_of(sim, "held", false);
+  f.noise = 0.5, f.drop = 0.5;
+  sim.fault(f);
+  double sum = 0.0, before = 0.0;
+  int came = 0;
+  for (int k = 1; k < 4000; ++k) {
+    sim.run((k + 0.5) / 1000.0);
+    const double now = sim.device_output(output(sim.model(), "held")) - 3.0;
+    if (now != before) sum += now, ++came;
+    before = now;
+  }
+  EXPECT_NEAR(came / 4000.0, 0.5, 4.0 * 0.5 / std::sqrt(4000.0));
+  EXPECT_NEAR(sum / came, 0.0, 4.0 * 0.5 / std::sqrt(came));  // four standard deviations
+}
+
 /// What was so many ticks ago, and until that comes through what was there when it began; whatever else is wrong comes after it.
 TEST(PortFaults, AreLateByTicks) {
   for (const std::string method : {"dopri5", "between steps"}) {

@@ -113,10 +113,10 @@ struct Vent {
   }
 };
 
-/// By the equations of an open system about the origin of a body [Eke, Wang 1995]: the moment -(J' + mu J_e) w - w x H of what flows on a
-/// straight way from the tank to the nozzle, and the force -2 w x (h' + mu e).
+/// By the equations of an open system about the origin of a body [Eke, Wang 1995]: the moment -(J' + mu J_e) w - w x H of what flows within
+/// the tank, m c x c', and on a straight way from its mass centre to the nozzle, and the force -2 w x (h' + mu e).
 TEST(Tank, TheForcesOfWhatFlowsAreThoseOfAnOpenSystem) {
-  const Vector3d c(0.4, -0.3, 0.2), e(-0.5, 0.7, 1.1), w(0.3, -0.5, 0.7);
+  const Vector3d e(-0.5, 0.7, 1.1), w(0.3, -0.5, 0.7);
   BodySpec bus = with_node(on(rigid("bus", 40.0, {0.1, 0, 0}, diagonal({6, 7, 8})), "", "free"), "nozzle", e);
   bus.hinge.v = {w[0], w[1], w[2], 3.0, -1.0, 2.0};
   bus.hinge.q = {0.5, 0.5, -0.5, 0.5, 1, 2, 3};
@@ -126,22 +126,38 @@ TEST(Tank, TheForcesOfWhatFlowsAreThoseOfAnOpenSystem) {
   vent.inputs["rate"] = {mu, {}}, vent.inputs["supply"] = {"tank.supply", {}};
   Registry all = registry();
   all.devices.add(device_table<Vent>());
-  for (const DeviceSpec& jet : {thruster("jet", "bus.nozzle", 5.0, 50.0, {0, 0, 1}), vent}) {
-    spec.devices = {with_vector(tank("bus", 10.0, 0.3, "jet.flow"), "position", c), jet};
-    Simulation sim(compile(spec, all), {});
-    sim.observe();
-    const auto about = [](const Vector3d& r) { return Eigen::Matrix3d(r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose()); };
-    const Eigen::Matrix3d J_rate = -mu * (about(c) + 0.4 * 0.09 * Eigen::Matrix3d::Identity());
-    const Vector3d force = -2.0 * w.cross(-mu * c + mu * e), moment = -(J_rate + mu * about(e)) * w - w.cross(mu * c.cross(e));
-    Vector3d f = Vector3d::Zero(), n = f;
-    for (const NodeWrench& at : sim.wrenches()) {
-      const Vector3d here = to_eigen(sim.model().nodes[static_cast<std::size_t>(at.node)].shapes.pose.p), push = to_eigen(at.f.f);
-      f += push, n += to_eigen(at.f.n) + here.cross(push);
+  // Evenly in a sphere, whose mass centre stays; settled in a cylinder, whose top is drawn off: a disc there goes.
+  const double m = 100.0, R = 0.3, length = 1.2, density = 900.0, height = m / (density * std::numbers::pi * R * R);
+  const Vector3d place(0.4, -0.3, 0.2), u(0.36, -0.48, 0.8), top = place + (height - 0.5 * length) * u;
+  DeviceSpec even = with_vector(tank("bus", m, R, "jet.flow"), "position", place), settled = with_vector(even, "axis", u);
+  settled.params["length"] = number(length), settled.params["density"] = number(density);
+  settled.params["shape"].value = std::string("cylinder"), settled.params["fill"].value = std::string("settled");
+  const auto about = [](const Vector3d& r) { return Eigen::Matrix3d(r.squaredNorm() * Eigen::Matrix3d::Identity() - r * r.transpose()); };
+  const Eigen::Matrix3d I = Eigen::Matrix3d::Identity();
+  struct Case {
+    DeviceSpec tank;
+    Vector3d c, c_rate, gone;  // mass centre, its rate, where what goes was
+    Eigen::Matrix3d of_what_goes;
+  };
+  for (const auto& [of, c, c_rate, gone, of_what_goes] :
+       {Case{even, place, Vector3d::Zero(), place, 0.4 * R * R * I},
+        Case{settled, place + 0.5 * (height - length) * u, -0.5 * mu * height / m * u, top, 0.25 * R * R * (I + u * u.transpose())}})
+    for (const DeviceSpec& jet : {thruster("jet", "bus.nozzle", 5.0, 50.0, {0, 0, 1}), vent}) {
+      spec.devices = {of, jet};
+      Simulation sim(compile(spec, all), {});
+      sim.observe();
+      const Eigen::Matrix3d J_rate = -mu * (about(gone) + of_what_goes);
+      const Vector3d force = -2.0 * w.cross(-mu * gone + mu * e),
+                     moment = -(J_rate + mu * about(e)) * w - w.cross(m * c.cross(c_rate) + mu * c.cross(e));
+      Vector3d f = Vector3d::Zero(), n = f;
+      for (const NodeWrench& at : sim.wrenches()) {
+        const Vector3d here = to_eigen(sim.model().nodes[static_cast<std::size_t>(at.node)].shapes.pose.p), push = to_eigen(at.f.f);
+        f += push, n += to_eigen(at.f.n) + here.cross(push);
+      }
+      const Vector3d thrust(0, 0, jet.type == "thruster" ? 5 : 0);
+      EXPECT_LT((f - thrust - force).norm(), 1e-14) << jet.type;
+      EXPECT_LT((n - e.cross(thrust) - moment).norm(), 1e-14) << jet.type;
     }
-    const Vector3d thrust(0, 0, jet.type == "thruster" ? 5 : 0);
-    EXPECT_LT((f - thrust - force).norm(), 1e-14) << jet.type;
-    EXPECT_LT((n - e.cross(thrust) - moment).norm(), 1e-14) << jet.type;
-  }
 }
 
 /// Mass, mass centre and moments of what is in the tank, by sums over a fine grid.

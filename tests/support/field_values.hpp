@@ -34,10 +34,13 @@ class AskedField {
     const cardan_param_values view = values.view();
     packed_.resize((f_.packed_size ? f_.packed_size(&view) : f_.params_size) / sizeof(double) + 1);
     accepted_ = f_.pack(&view, packed_.data()) == 0;
-    if (!accepted_ && !values.failures.empty()) refusal_ = values.failures.front().expected, got_ = values.failures.front().got;
+    if (!accepted_ && !values.failures.empty())
+      refusal_ = values.failures.front().expected, got_ = values.failures.front().got, key_ = values.failures.front().name;
   }
   /// What was expected where pack refuses; empty where it does not.
   const std::string& refusal() const { return refusal_; }
+  /// The parameter that is refused.
+  const std::string& key() const { return key_; }
   /// What it was given then, where it tells.
   const std::string& got() const { return got_; }
 
@@ -57,12 +60,21 @@ class AskedField {
     out.gradient = rows.transpose();
     return out;
   }
+  /// Where it has no derivative each of these crosses zero.
+  std::vector<double> edges(const Eigen::Vector3d& x) const {
+    std::vector<double> prepared(f_.prepared_size / sizeof(double) + 1), g;
+    if (f_.prepare) f_.prepare(0.0, packed_.data(), prepared.data());
+    const cardan_field_args args{sizeof args, 0.0, packed_.data(), f_.prepare ? prepared.data() : nullptr};
+    g.resize(f_.edges(&args, x.data(), nullptr));
+    f_.edges(&args, x.data(), g.data());
+    return g;
+  }
 
  private:
   const cardan_field_family& f_;
   std::vector<double> packed_;
   bool accepted_ = false;
-  std::string refusal_, got_;
+  std::string refusal_, got_, key_;
 };
 
 /// Rows of a CSV file of tests/reference/data below comments and a line of names; texts where there are no numbers are 0.

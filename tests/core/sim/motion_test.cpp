@@ -663,5 +663,17 @@ TEST(MotionProfiles, TravelBackWhatTheyTravelled) {
   }
 }
 
+TEST(MotionProfiles, AreHeldBeforeAndBehindTheirPoints) {
+  const MotionProfile p = MotionProfile::rate_table({{1.0, 2.0}, {2.0, -3.0}, {3.0, 0.5}});
+  EXPECT_EQ(p.rate(0.4), 2.0);
+  EXPECT_EQ(p.rate(3.7), 0.5);
+  EXPECT_EQ(p.acceleration(0.4, 0.4), 0.0);
+  EXPECT_NEAR(p.travel(0.0, 1.0), 2.0, 1e-15);
+  EXPECT_NEAR(p.travel(3.0, 5.0), 1.0, 1e-15);
+  EXPECT_EQ(p.largest_rate(0.2, 1.2), 2.0);           // the point at 2 s is beyond
+  EXPECT_NEAR(p.largest_rate(1.5, 1.9), 2.5, 1e-15);  // at its end
+  EXPECT_EQ(p.largest_rate(1.5, 2.5), 3.0);           // in its midst
+}
+
 }  // namespace
 }  // namespace cardan::test

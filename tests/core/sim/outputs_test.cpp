@@ -1,6 +1,7 @@
 // Numbers of channels as they are recorded, in the axes that their frames name, against statics and a steady turn.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -105,6 +106,45 @@ TEST(Outputs, ForcesAreThoseOfTheDriveAndThoseThatAreCommanded) {
   const Eigen::VectorXd force = recorded(sim, "hinges/arm/force");
   EXPECT_EQ(force[0], 2.5);
   EXPECT_NEAR(force[1], m * g - 50.0 * 0.1, 1e-12);  // beside its spring
+}
+
+TEST(Outputs, ForcesOfADriveAreThoseOfItsOwnHinge) {
+  const double g = 9.81;
+  BodySpec first = on(rigid("first", 2.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "cylindrical", {{0, 0, 1}}), second = first;
+  second.name = "second", second.mass = 5.0;
+  first.hinge.prescribed = second.hinge.prescribed = {1};
+  Simulation sim(compiled(system({first, second}, uniform_gravity({0, 0, -g}))), {});
+  EXPECT_NEAR(recorded(sim, "hinges/first/force")[1], 2.0 * g, 1e-12);
+  EXPECT_NEAR(recorded(sim, "hinges/second/force")[1], 5.0 * g, 1e-12);
+}
+
+/// A body in any attitude: its rate in its own axes, its velocity in those of the world. As it turns its quaternion goes on through w < 0.
+TEST(Outputs, RatesAreInAxesOfTheBodyAndAttitudesDoNotJump) {
+  const Vector3d w(0.3, -0.5, 0.7), v(1, 2, -3);
+  BodySpec bus = on(rigid("bus", 2.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "free");
+  const Eigen::Quaterniond q(about(Vector3d(1, 2, 2) / 3.0, 1.1));
+  bus.hinge.q = {q.w(), q.x(), q.y(), q.z(), 4, 5, 6}, bus.hinge.v = {w[0], w[1], w[2], v[0], v[1], v[2]};
+  Simulation sim(compiled(system({bus})), {});
+  EXPECT_LT((recorded(sim, "bodies/bus/rate") - w).norm(), 1e-15);
+  EXPECT_LT((recorded(sim, "bodies/bus/velocity") - v).norm(), 1e-15);
+  EXPECT_LT((recorded(sim, "bodies/bus/position") - Vector3d(4, 5, 6)).norm(), 1e-15);
+  const std::vector<Output> all = standard_outputs(sim, {});
+  const auto attitude = std::ranges::find(all, "bodies/bus/attitude", [](const Output& o) { return o.channel.path; });
+  ASSERT_NE(attitude, all.end());
+  Eigen::Vector4d x = Eigen::Vector4d::Zero(), before;
+  double least = 1.0;
+  for (int k = 0; k < 80; ++k) {  // a turn takes 6.9 s
+    before = x;
+    sim.run(0.1 * k), sim.observe();
+    attitude->fill(x.data());
+    EXPECT_LT(
+        (Eigen::Quaterniond(x[0], x[1], x[2], x[3]).toRotationMatrix() - q.toRotationMatrix() * about(w.normalized(), 0.1 * k * w.norm()))
+            .norm(),
+        1e-5);
+    EXPECT_TRUE(k == 0 || x.dot(before) > 0.99) << k;
+    least = std::min(least, x[0]);
+  }
+  EXPECT_LT(least, -0.8);
 }
 
 }  // namespace
