@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "core/base/diagnostic.hpp"
 #include "core/sim/outputs.hpp"
@@ -211,6 +212,40 @@ TEST(Balances, WhatIntegralsMayBeOffByAddsUp) {
   EXPECT_NEAR(both.linear_limit, 2 * first.linear_limit, 1e-6 * first.linear_limit);
   EXPECT_NEAR(both.angular_limit, 2 * first.angular_limit, 1e-6 * first.angular_limit);
   EXPECT_NEAR(both.energy_limit, 2 * first.energy_limit, 1e-6 * first.energy_limit);
+}
+
+/// A balance that failed once has failed, and what is missing is over the largest that there ever was.
+TEST(Balances, KnowTheWorstOfAllLooks) {
+  const auto momentum = [](double x, double size) {
+    return Momentum{.linear = {x, 0, 0}, .angular = {0, x, 0}, .linear_magnitude = size, .angular_magnitude = size};
+  };
+  const auto energy = [](double x, double size) { return Energy{.kinetic = x, .magnitude = size}; };
+  const Balances::Integrals none = Balances::Integrals::Zero();
+  Balances balances;
+  balances.begin(momentum(4.0, 8), energy(4.0, 8));
+  EXPECT_FALSE(balances.look(momentum(4.5, 8), energy(4.5, 8), none, none, {}, 1e-9).pass);
+  EXPECT_TRUE(balances.look(momentum(4.0, 80), energy(4.0, 80), none, none, {}, 1e-9).pass);
+  EXPECT_FALSE(balances.worst().pass);
+  EXPECT_EQ(balances.worst().linear_relative, 0.5 / 8);
+  const LedgerState later = balances.look(momentum(4.5, 8), energy(4.5, 8), none, none, {}, 1e-9);
+  EXPECT_EQ(later.linear_relative, 0.5 / 80);
+  EXPECT_EQ(later.energy_relative, 0.5 / 80);
+}
+
+/// Ten times what the errors of the steps are of each sum, of the energy twice that as of a square; and rounding, of far places too.
+TEST(Balances, AllowWhatStepsAndRoundingExplain) {
+  const Momentum p{.linear_magnitude = 8, .angular_magnitude = 2, .angular_parts = 1e9};
+  const Energy e{.magnitude = 4};
+  const Balances::Integrals none = Balances::Integrals::Zero();
+  Balances balances;
+  balances.begin(p, e);
+  IntegratorStatistics counts;
+  counts.error_sum = 3.0, counts.steps = 900;
+  const double relative = 1e-7, round_off = 4.0 * std::numeric_limits<double>::epsilon() * 1000.0;
+  const LedgerState l = balances.look(p, e, none, none, counts, relative);
+  EXPECT_NEAR(l.linear_limit, 10.0 * 3.0 * relative + round_off, 1e-18);
+  EXPECT_NEAR(l.angular_limit, 10.0 * 3.0 * relative + round_off * 1e9 / 2.0, 1e-16);
+  EXPECT_NEAR(l.energy_limit, 10.0 * 3.0 * 2.0 * relative + round_off, 1e-18);
 }
 
 TEST(Adopt, ARunThatHadAnotherVehicleIsNotResumedWithOne) {
