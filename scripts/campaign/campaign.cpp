@@ -57,14 +57,10 @@ void read_summary(CampaignRun& run) {
   }
 }
 
-/// Whether it ended by itself and would end so again: no full disk, no folder that others hold, no want of memory was the reason.
+/// Whether it ended by itself and would end so again.
 bool is_done(const CampaignRun& run) {
-  if (run.ending.how != RunEnding::How::ended || run.ending.exit_code >= 128) return false;
-  if (run.ending.as_planned()) return run.measured();
-  constexpr const char* kOfTheMachine[] = {"C0701", "C0802", "N0204", "N0205"};
-  const std::string why = run.ending.complaints.empty() ? "" : run.ending.complaints.front();
-  return (run.ending.exit_code == 2 || run.ending.exit_code == 3) &&
-         std::ranges::none_of(kOfTheMachine, [&](const char* code) { return why.starts_with(code); });
+  if (run.ending.how != RunEnding::How::ended || run.ending.exit_code > 3 || run.ending.from_outside()) return false;
+  return !run.ending.as_planned() || run.measured();
 }
 
 /// The run as an earlier campaign left it: done where it was of the same input, and ended by itself.
@@ -98,6 +94,14 @@ ProgramOrder order_for(const Campaign& c, const CampaignRun& run) {
   return order;
 }
 
+/// Not done: its folder or its end could not be written, and the next campaign would not find it.
+void leave(CampaignRun& run, const std::string& path, const std::string& why) {
+  CampaignRun none;
+  none.seed = run.seed, none.folder = run.folder;
+  run = none;
+  run.ending.complaints = {fmt::format("{}: {}, {}: {}", number_of(Code::cannot_write), title_of(Code::cannot_write), path, why)};
+}
+
 /// Takes what the process left; of a run that passed its numbers alone, where no more is to be kept.
 void finish(const Campaign& c, CampaignRun& run, const RunningProgram& process, const ChildLimits& limits) {
   run.ending = ending_of_run(process, limits, run.folder / kErrors);
@@ -107,13 +111,14 @@ void finish(const Campaign& c, CampaignRun& run, const RunningProgram& process, 
   std::error_code ignored;
   if (run.verdict == "passed" && c.lean) fs::remove(run.folder / kResults, ignored);
   if (fs::is_empty(run.folder / kErrors, ignored)) fs::remove(run.folder / kErrors, ignored);
-  write_whole_file(run.folder / kEnding, json_text_with_nulls({{"cardan_campaign_run", 1},
-                                                               {"input", c.input},
-                                                               {"seed", run.seed},
-                                                               {"exit_code", run.ending.exit_code},
-                                                               {"text", run.ending.text},
-                                                               {"wall_s", run.ending.wall_s},
-                                                               {"complaints", run.ending.complaints}}));
+  const Json ending = {{"cardan_campaign_run", 1},           {"input", c.input},        {"seed", run.seed},
+                       {"exit_code", run.ending.exit_code},  {"text", run.ending.text}, {"wall_s", run.ending.wall_s},
+                       {"complaints", run.ending.complaints}};
+  try {
+    write_whole_file(run.folder / kEnding, json_text_with_nulls(ending));
+  } catch (const InputError& e) {
+    leave(run, e.diagnostics().front().at.mark.file, e.diagnostics().front().got);
+  }
 }
 
 }  // namespace
@@ -140,9 +145,11 @@ std::vector<CampaignRun> run_campaign(const Campaign& c) {
       CampaignRun& run = *waiting[next++];
       std::error_code error;
       fs::create_directories(run.folder, error);
-      if (error)
-        refuse(Code::cannot_write, {{}, {run.folder.string()}}, "a folder for the results of a run", error.message(),
-               "--out DIR chooses another");
+      if (error) {
+        leave(run, run.folder.string(), error.message());
+        if (c.told) c.told(run);
+        continue;
+      }
       for (const char* old : {kEnding, kSummary}) fs::remove(run.folder / old, error);  // of another input, or cut short
       const ProgramOrder order = order_for(c, run);
       going.push_back({&run, order.limits, std::make_unique<RunningProgram>(order)});

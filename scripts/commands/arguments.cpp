@@ -122,4 +122,10 @@ int report_error(const std::exception& error, bool as_json, int wrong_input) {
       Json::array({{{"title", "internal error"}, {"what", error.what()}}}));
 }
 
+int report_unwritten(std::vector<Diagnostic> unwritten, bool as_json, int code) {
+  if (as_json && !unwritten.empty()) return report_error(InputError(std::move(unwritten)), true, code);
+  for (const Diagnostic& d : unwritten) complain(render(d) + "\n");
+  return code;
+}
+
 }  // namespace cardan

@@ -142,22 +142,24 @@ int campaign(const CampaignArguments& a, bool as_json) {
                       {"first_seed", c.first},
                       {"runs_planned", c.runs}};
   const Json all = campaign_json(about, runs, quantities, bands);
-  const ResultFolder out(c.out, {kJson, kTable, kPage});
-  for (const auto& [name, text] : {std::pair{kJson, json_text_with_nulls(all)},
-                                   {kTable, campaign_csv(runs, quantities)},
-                                   {kPage, page::filled("Campaign: " + title, all, page::campaign())}})
-    try {
-      write_whole_file(out / name, text);
-    } catch (const InputError& e) {
-      unwritten.push_back(e.diagnostics().front());
-    }
+  try {
+    const ResultFolder out(c.out, {kJson, kTable, kPage});
+    for (const auto& [name, text] : {std::pair{kJson, json_text_with_nulls(all)},
+                                     {kTable, campaign_csv(runs, quantities)},
+                                     {kPage, page::filled("Campaign: " + title, all, page::campaign())}})
+      try {
+        write_whole_file(out / name, text);
+      } catch (const InputError& e) {
+        unwritten.push_back(e.diagnostics().front());
+      }
+  } catch (const InputError& e) {  // the place of one: the runs are done
+    unwritten.push_back(e.diagnostics().front());
+  }
   say(campaign_text(runs, quantities, bands));
-  say(fmt::format("{}\n", (out / kPage).string()));
+  say(fmt::format("{}\n", (c.out / kPage).string()));
   const bool passed = std::ranges::all_of(runs, [](const CampaignRun& run) { return run.verdict == "passed"; });
-  const int code = !unwritten.empty() ? kNotWritten : passed ? 0 : 1;
-  if (!unwritten.empty() && as_json) return report_error(InputError(std::move(unwritten)), true, code);
-  for (const Diagnostic& d : unwritten) complain(render(d) + "\n");
-  return code;
+  const int code = !passed ? 1 : unwritten.empty() ? 0 : kNotWritten;
+  return report_unwritten(std::move(unwritten), as_json, code);
 }
 
 }  // namespace

@@ -243,7 +243,7 @@ int interrupted(const PrecisionStudy& study) {
   return 128 + Interruption::signal();
 }
 
-int precision(const PrecisionArguments& a) {
+int precision(const PrecisionArguments& a, bool as_json) {
   PrecisionQuestion question;
   question.measure = measure_of(a.measure);
   question.wanted = a.wanted;
@@ -369,9 +369,19 @@ int precision(const PrecisionArguments& a) {
   }
   const SimplifiedModel* simplified = model ? &*model : nullptr;
   const Json data = precision_json(study, question, simplified);
-  write_whole_file(folder / kData, json_text_with_nulls(data));
-  write_precision_h5((folder / kNumbers).string(), study, simplified);
-  write_whole_file(folder / kPage, page::filled("Precision: " + study.title, data, page::precision()));
+  std::vector<Diagnostic> unwritten;
+  const auto write = [&](const std::function<void()>& one) {  // the others are written all the same
+    try {
+      one();
+    } catch (const InputError& e) {
+      unwritten.push_back(e.diagnostics().front());
+    } catch (const NumericsError& e) {  // of HDF5
+      unwritten.push_back({.code = Code::cannot_write, .at = {{}, {(folder / kNumbers).string()}}, .got = e.failure().what});
+    }
+  };
+  write([&] { write_whole_file(folder / kData, json_text_with_nulls(data)); });
+  write([&] { write_precision_h5((folder / kNumbers).string(), study, simplified); });
+  write([&] { write_whole_file(folder / kPage, page::filled("Precision: " + study.title, data, page::precision())); });
   std::string files = (folder / kPage).string();
   if (!question.budgets.empty()) {
     if (const auto row = choice.row ? choice.row : choice.nearest) {
@@ -384,13 +394,14 @@ int precision(const PrecisionArguments& a) {
         about.back() = choice_text({run.row}, study, {.row = 0, .nearest = 0}, question.budgets, question.measure);
         for (const std::size_t i : run.of) about.push_back("without: " + model->all[i].what);
       }
-      write_whole_file(folder / kSettings, settings_text(setting, study.own, about));
+      write([&] { write_whole_file(folder / kSettings, settings_text(setting, study.own, about)); });
       files += ", " + (folder / kSettings).string();
     }
     if (!choice.row) code = 1;
   }
   say(fmt::format("\n{} runs, {} of before. {}\n", study.runs, study.taken, files));
-  return code;
+  if (code == 0 && !unwritten.empty()) code = kNotWritten;
+  return report_unwritten(std::move(unwritten), as_json, code);
 }
 
 }  // namespace
@@ -449,7 +460,7 @@ void add_precision(CommandLine& line) {
   command.option("--out", a->out, "Folder of the results; default: out/precision/<folder of the scenario>").type_name("DIR");
   command.flag("--keep-runs", a->keep_runs, "Keep run.h5 of every run; else of those of the reference");
   command.flag("--quiet", a->quiet, "No progress");
-  command.action([a] { return precision(*a); });
+  command.action([&line, a] { return precision(*a, line.json_errors()); });
 }
 
 }  // namespace cardan

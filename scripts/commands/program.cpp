@@ -17,7 +17,7 @@ namespace {
 int with_output(int code, bool as_json) {
   const std::string_view why = output_fault();
   if (why.empty() || code != 0) return code;
-  return report_error(InputError(Diagnostic{Code::cannot_write, {{}, {"standard output"}}, {}, std::string(why)}), as_json, kNotWritten);
+  return report_unwritten({{Code::cannot_write, {{}, {"standard output"}}, {}, std::string(why)}}, as_json);
 }
 
 }  // namespace

@@ -118,9 +118,7 @@ int regress(const RegressArguments& a, bool as_json) {
   say(fmt::format("\n{} of {} scenarios pass. {}\n", results.size() - static_cast<std::size_t>(failed), results.size(),
                   (out / "regress.html").string()));
   const int code = has_faults ? 2 : failed > 0 ? 1 : wrong.empty() ? 0 : kNotWritten;
-  if (!wrong.empty() && as_json) return report_error(InputError(std::move(wrong)), true, code);
-  for (const Diagnostic& d : wrong) complain(render(d) + "\n");
-  return code;
+  return report_unwritten(std::move(wrong), as_json, code);
 }
 
 }  // namespace

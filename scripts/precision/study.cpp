@@ -202,7 +202,11 @@ class Runs {
         std::error_code error;
         for (const char* old : {kKept, kChannels, "summary.json", "report.html"}) fs::remove(folder / old, error);
         fs::create_directories(folder, error);
-        if (error) refuse(Code::cannot_write, {{}, {folder.string()}}, "a folder for results", error.message());
+        if (error) {
+          row->failure = fmt::format("{}: {}: {}", number_of(Code::cannot_write), folder.string(), error.message());
+          done(*row);
+          continue;
+        }
         going.push_back(start(row, 0));
       }
       bool ended = false;
@@ -214,7 +218,8 @@ class Runs {
         ended = true;
         PrecisionRow& row = *going[i].row;
         const int repeat = going[i].repeat;
-        read_run(row, ending_of_run(*going[i].process, going[i].limits, order_.out / row.folder / kSaid), order_, repeat);
+        const RunEnding ending = ending_of_run(*going[i].process, going[i].limits, order_.out / row.folder / kSaid);
+        read_run(row, ending, order_, repeat);
         if (once_more(order_, row, repeat + 1)) {
           going[i] = start(&row, repeat + 1);
           continue;
@@ -222,7 +227,8 @@ class Runs {
         going.erase(going.begin() + static_cast<std::ptrdiff_t>(i));
         const bool failed = !row.failure.empty();
         measure(row, by);
-        if (failed || row.failure.empty()) keep(row);  // a file that cannot be read is run again
+        // A file that cannot be read is run again, and so is what a full disk has ended.
+        if ((failed || row.failure.empty()) && !ending.from_outside()) keep(row);
         if (std::error_code none; !by.empty() && !order_.keep_runs) fs::remove(order_.out / row.folder / kChannels, none);
         ++study_.kept;
         done(row);
@@ -253,7 +259,10 @@ class Runs {
     return is.has_value();
   }
   void keep(const PrecisionRow& row) const {
-    write_whole_file(order_.out / row.folder / kKept, json_text_with_nulls(to_json(row, order_.cpu_s)));
+    try {
+      write_whole_file(order_.out / row.folder / kKept, json_text_with_nulls(to_json(row, order_.cpu_s)));
+    } catch (const InputError&) {  // the next study runs it again
+    }
   }
 
   const PrecisionOrder& order_;

@@ -31,6 +31,9 @@ struct RunEnding {
   double wall_s = 0.0, cpu_s = 0.0;  // [s]
   /// By itself, with its results, whatever its checks found.
   bool as_planned() const { return how == How::ended && (exit_code == 0 || exit_code == 1); }
+  /// A full disk, a folder that others hold or a signal was the reason: another time it ends otherwise. Who failed and says nothing could
+  /// not even write that.
+  bool from_outside() const;
   std::vector<std::string> complaints;  // codes with their titles and texts, as --json-errors gives them
 };
 

@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <chrono>
 #include <csignal>
 #include <cstring>
@@ -61,6 +62,12 @@ std::vector<std::string> complaints_in(const fs::path& file) {
 }
 
 }  // namespace
+
+bool RunEnding::from_outside() const {
+  if (how != How::ended) return how == How::crashed;
+  if (!as_planned() && complaints.empty()) return true;
+  return std::ranges::any_of(complaints, [](const std::string& c) { return c.starts_with("C0701") || c.starts_with("N0204"); });
+}
 
 RunEnding ending_of_run(const RunningProgram& process, const ChildLimits& limits, const fs::path& errors) {
   RunEnding out;

@@ -1,6 +1,8 @@
 // `cardan precision` as a user runs it, on small scenes of which the truth is known.
 #include <gtest/gtest.h>
 
+#include <sys/resource.h>
+
 #include <cmath>
 #include <csignal>
 #include <filesystem>
@@ -495,6 +497,25 @@ TEST_F(Precision, LinesOfSettingsAreReadOrRefusedWithTheirPlace) {
       "key=value\n"
       "  got:      \"relative 1e-5\"\n  hint:     mission.integrator.relative=1e-8\n\n1 error. Nothing was run.\n");
   EXPECT_TRUE(run_program({"run", ".", "--settings", "none.txt"}, dir_.path()).err.starts_with("error[C0102]: file not found\n"));
+}
+
+/// A row that could not be written says nothing of its method.
+TEST_F(Precision, WhatAFullDiskHasEndedIsRunAgain) {
+  scene();
+  const std::vector<std::string> line = {"precision", "scenario.lua", "--out",     "out",      "--methods",
+                                         "dopri5",    "--tolerances", "1e-5,1e-7", "--repeat", "1"};
+  const Finished full = run_program(line, dir_.path(), [] {
+    const rlimit most{16384, 16384};  // [bytes] of a file: run.h5 has more, the row of a study less
+    setrlimit(RLIMIT_FSIZE, &most);
+  });
+  EXPECT_EQ(full.exit_code, 3) << full.err;
+  EXPECT_TRUE(has(full.err, "N0204")) << full.err;
+  fs::create_directories(dir_ / "out/.precision.html.new/in the way");
+  const Finished again = run_program(line, dir_.path());
+  EXPECT_EQ(again.exit_code, 4) << again.err;
+  EXPECT_TRUE(has(again.err, "error[C0701]") && has(again.err, "out/precision.html") && !has(again.err, "Nothing was run")) << again.err;
+  EXPECT_EQ(data()["reference"]["attempts"], json::array());
+  for (const json& r : data()["rows"]) EXPECT_TRUE(r["failure"].is_null()) << r;
 }
 
 TEST_F(Precision, ASecondStudyInTheSameFolderIsRefusedAndResultsAreKept) {

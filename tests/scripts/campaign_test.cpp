@@ -225,6 +225,32 @@ TEST_F(CampaignOf, WhatAnotherKeepsFromRunningIsMadeAgain) {
   EXPECT_EQ(results()["without_end"], 0);
 }
 
+/// A full disk, among others: neither do the others end of it, nor is it told that nothing was run.
+TEST_F(CampaignOf, WhatCannotBeWrittenIsMadeAgain) {
+  use("vehicle \"vehicle.yaml\"\nmission { duration = 0.1 }");
+  fs::create_directories(dir_ / "c/seed_2/ending.json/in the way");
+  write(dir_ / "c/seed_3", "no folder");
+  fs::create_directories(dir_ / "c/seed_4/run.h5");  // refused, and its answer is lost
+  fs::create_symlink("/dev/null", dir_ / "c/seed_4/errors.json");
+  fs::create_directories(dir_ / "c/.campaign.csv.new/in the way");
+  const Finished run = campaign({"-n", "5"});
+  EXPECT_EQ(run.exit_code, 1) << run.err;  // worse than that a table is missing
+  EXPECT_TRUE(has(run.out, "3 of 5 runs were ended from outside") && has(run.out, "2 of 5 runs passed")) << run.out;
+  EXPECT_TRUE(has(run.err, "campaign.csv") && !has(run.err, "Nothing was run")) << run.err;
+  const json runs = results()["runs"];
+  for (std::size_t i = 0; i < 5; ++i) {
+    EXPECT_EQ(runs[i]["verdict"], i == 0 || i == 4 ? "passed" : "not done");
+    EXPECT_EQ(has(runs[i]["why"], "C0701"), i == 1 || i == 2) << runs[i];
+  }
+  for (const char* in_the_way : {"seed_2/ending.json", "seed_3", "seed_4/run.h5", "seed_4/errors.json"})
+    fs::remove_all(dir_ / ("c/" + std::string(in_the_way)));
+  fs::create_directories(dir_ / "c/campaign.csv");
+  const Finished again = campaign({"-n", "5"});
+  EXPECT_EQ(again.exit_code, 4) << again.err;
+  EXPECT_TRUE(has(again.out, "2 of 5 runs were there already") && has(again.out, "5 of 5 runs passed")) << again.out;
+  EXPECT_TRUE(has(again.err, "campaign.csv") && !has(again.err, "Nothing was run")) << again.err;
+}
+
 /// a_0 cos(w t) of each run, as long as it goes on: sorted anew here at each time.
 TEST_F(CampaignOf, ChannelsSpreadOverTime) {
   ASSERT_LE(campaign({"--runs", "30"}).exit_code, 1);
