@@ -54,8 +54,11 @@ int new_project(const std::string& kind, const std::string& type, std::string fo
     if (const std::string of = path.substr(0, end); of != kind && of != "every") continue;
     const fs::path file = top / filled(path.substr(end + 1), {{"NAME", name}});
     fs::create_directories(file.parent_path(), error);
-    if (std::ofstream out(file); !(out << filled(text, values) << std::flush))
-      refuse(Code::cannot_write, {{}, {file.string()}}, "a file that can be written", std::strerror(errno));
+    if (std::ofstream out(file); !(out << filled(text, values) << std::flush)) {
+      const std::string why = std::strerror(errno);
+      fs::remove_all(top, error);  // no half of a project
+      refuse(Code::cannot_write, {{}, {file.string()}}, "a file that can be written", why);
+    }
   }
   fmt::print("{}: a plugin with the {} {}. Next:\n\n  cd {}\n  cmake -B build && cmake --build build && ctest --test-dir build\n", folder,
              kind, values.at("@TYPE@"), folder.find(' ') == std::string::npos ? folder : '"' + folder + '"');

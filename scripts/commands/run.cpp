@@ -326,6 +326,7 @@ class RunCommand {
     };
     try {
       write();
+      if (!fs::exists(path)) return lost("it was taken away while the run went on");
       kept_.push_back(path);
       return true;
     } catch (const InputError& e) {

@@ -1,5 +1,6 @@
 // `cardan new`: what it refuses. That its projects build and pass: Install.Project.* (tests/CMakeLists.txt).
 #include <gtest/gtest.h>
+#include <sys/resource.h>
 
 #include <filesystem>
 
@@ -54,6 +55,17 @@ TEST(New, RefusesAnUnknownKindANameThatIsNoneAndAFolderThatIsThere) {
   EXPECT_EQ(std::distance(fs::directory_iterator(dir / "roller"), fs::directory_iterator()), 1);
   write(dir / "file", "");
   EXPECT_NE(refusal({"new", "hinge", "roller", "--out", "file/roller"}, dir.path()).find("a folder that can be made"), std::string::npos);
+}
+
+TEST(New, LeavesNoHalfOfAProjectOnAFullDisk) {
+  const TemporaryFolder dir;
+  const Finished full = run_program({"new", "hinge", "roller"}, dir.path(), [] {
+    const rlimit most{100, 100};  // [bytes] of a file
+    setrlimit(RLIMIT_FSIZE, &most);
+  });
+  EXPECT_EQ(full.exit_code, 2);
+  EXPECT_TRUE(fs::is_empty(dir.path())) << full.err;
+  EXPECT_EQ(run_program({"new", "hinge", "roller"}, dir.path()).exit_code, 0);
 }
 
 }  // namespace

@@ -415,6 +415,18 @@ TEST(Results, OfAKilledRunHoldWhatHappened) {
   EXPECT_EQ(run_program({"report", "out"}, dir.path()).exit_code, 0);
 }
 
+TEST(Results, ThatWereTakenAwayAreNotToldToBeKept) {
+  const TemporaryFolder dir;
+  Started run({"run", "pendulum", "--out", dir.path(), "--set", kLong, "--no-report"}, kMissions);
+  expect_under_way(dir.path());
+  fs::remove(dir / "run.h5");
+  run.send(SIGTERM);
+  const Finished end = run.wait();
+  EXPECT_EQ(end.exit_code, 143);
+  EXPECT_TRUE(has(end.err, "error[C0701]: result cannot be written\n  --> " + dir / "run.h5")) << end.err;
+  EXPECT_TRUE(has(end.err, "1 result not written. Kept: " + dir / "summary.json\n")) << end.err;
+}
+
 TEST(Results, TellWhatEndedARun) {
   const TemporaryFolder dir;
   Started run({"run", "pendulum", "--out", dir.path(), "--set", kLong, "--quiet"}, kMissions);
