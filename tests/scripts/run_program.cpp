@@ -31,6 +31,7 @@ Started::Started(const std::vector<std::string>& arguments, const std::string& f
   if (child_ == 0) {
     const int o = open(out.c_str(), O_CREAT | O_WRONLY, 0600), e = open(err.c_str(), O_CREAT | O_WRONLY, 0600);
     if (dup2(o, STDOUT_FILENO) < 0 || dup2(e, STDERR_FILENO) < 0 || chdir(folder.c_str()) != 0) _exit(99);
+    signal(SIGINT, SIG_DFL);  // which shells have what runs in the background ignore
     if (in_child) in_child();
     execv(program.c_str(), argv.data());
     _exit(99);
