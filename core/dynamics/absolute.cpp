@@ -434,7 +434,7 @@ bool keeps_rows_left_out(const Model& model, Workspace& ws, const LoopPass& pass
   const auto row_of = [&](const Loop& loop, int row) {
     return a.system.first_row(static_cast<int>(&loop - model.loops.all.data())) + row - loop.first;
   };
-  double size = 0.0, alone = 0.0, open = 0.0;
+  double size = 0.0, alone = 0.0, open = model.loops.left_open ? model.loops.dependent : 0.0;
   const std::vector<double> pushed = a.system.accelerations_alone();
   for (const Loop& loop : model.loops.all) {
     if (loop.closing != Closing::coupling)

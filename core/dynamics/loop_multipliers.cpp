@@ -305,7 +305,7 @@ bool close_loops(const Model& model, Workspace& ws, const Inputs& in, double* vd
     const double* U = work.U.data() + static_cast<std::ptrdiff_t>(p) * model.nv;
     for (int i = 0; i < model.nv; ++i) vdot[i] += mu * U[i];
   }
-  double open = 0.0;
+  double open = model.loops.left_open ? model.loops.dependent : 0.0;
   for (const Loop& loop : model.loops.all)
     for (int i = loop.first; i < loop.first + loop.rows && loop.turns(); ++i)
       open = std::max(open, work.scale[static_cast<std::size_t>(i)] * std::abs(work.c[static_cast<std::size_t>(i)]) / loop.lever);

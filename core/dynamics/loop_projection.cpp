@@ -150,8 +150,19 @@ std::vector<RowLeftOpen> rows_left_open(const Model& model, const Eigen::VectorX
   if (model.loops.empty()) return out;
   LoopProjection projection(model);
   Eigen::VectorXd closed = q, rates = v;
-  if (!projection.close(closed.data(), rates.data(), drives) || projection.left_open() == 0.0) return out;
+  if (!projection.close(closed.data(), rates.data(), drives) || (projection.left_open() == 0.0 && !model.loops.left_open)) return out;
   Workspace ws(model);
+  if (projection.left_open() == 0.0) {
+    const LoopRank rank = loop_rank(model, ws, closed.data(), drives);
+    if (rank.redundant.empty()) return out;
+    const int row = rank.redundant.front();
+    std::size_t l = 0;
+    while (row >= model.loops.all[l].first + model.loops.all[l].rows) ++l;
+    out.push_back({static_cast<int>(l),
+                   fmt::format("{} holds by a scaled pivot of {:.2g} beside the other rows, which should imply it: it is left open",
+                               name_of_row(model, ws, row), rank.largest)});
+    return out;
+  }
   const Eigen::VectorXd c = loop_rows(model, ws, closed.data(), drives).c;
   for (std::size_t l = 0; l < model.loops.all.size(); ++l) {
     const Loop& loop = model.loops.all[l];
@@ -161,8 +172,8 @@ std::vector<RowLeftOpen> rows_left_open(const Model& model, const Eigen::VectorX
     if (!(std::abs(c[most]) > kStalled + kSeen * projection.left_open())) continue;
     const auto at = static_cast<std::size_t>(most);
     const Force<double>& W = ws.loops->W[at];
-    out.push_back(
-        {static_cast<int>(l), name_of_row(loop, most, W), fmt::format("{:.3g}{}", std::abs(ws.loops->c[at]), unit_of_row(loop, W))});
+    out.push_back({static_cast<int>(l), fmt::format("{} is open by {:.3g}{} and nothing can close it: other rows imply it",
+                                                    name_of_row(loop, most, W), std::abs(ws.loops->c[at]), unit_of_row(loop, W))});
   }
   return out;
 }

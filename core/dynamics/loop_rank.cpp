@@ -47,7 +47,7 @@ void LoopPass::find_rank() {
     }
   }
   for (int j = 0; j < n; ++j) k_.column_at[at(j)] = j;
-  const double limit = k_.dependent = more_than_dependent(open);
+  const double limit = k_.dependent = std::max(loops_.dependent, more_than_dependent(open));
   const auto B = [&](int i, int j) -> double& { return k_.B[at(k_.row_at[at(i)] * n + k_.column_at[at(j)])]; };
   k_.rank = 0, k_.smallest = 0.0, k_.largest = 0.0;
   for (int p = 0; p < std::min(rows, n); ++p) {

@@ -19,6 +19,10 @@ namespace {
 
 constexpr double kStart = 1e-6;  // residual of a start: typed numbers have a finite number of digits
 
+constexpr double kTyped = 1e-7;  // scaled pivots below are of rows that others should imply, but for what axes were typed with
+
+constexpr double kImplied = 1e-12;  // scaled pivots of rows that others imply, at the most
+
 constexpr double kNoLever = 1e-12;  // of the way from home, or of what moves all mass: what rounding leaves of a distance that is none
 
 struct Reach {
@@ -289,12 +293,20 @@ void prepare_loops(Model& model) {
   const Inputs in{.q = start.q.data(), .v = start.v.data(), .gravity = false};
   LoopPass pass(model, ws, in);
   pass.matrix();
+  double least = 1.0;  // of a row on what is heaviest beside what is lightest
+  for (const Loop& loop : loops.all)
+    for (const int v : loop.rates)
+      if (const auto i = static_cast<std::size_t>(v); loop.closing != Closing::coupling && !is_mode[i])
+        least = std::min(least, (turns[i] ? loop.lever : 1.0) * loops.column_scale[i] / loop.reference);
+  loops.dependent = kTyped * least;
   pass.find_rank();
   loops.rank = ws.loops->rank, loops.dependent = ws.loops->dependent;
   if (loops.rank < loops.rows) {
     State closed = start;
     LoopProjection projection(model);
-    loops.left_open = projection.close(closed.q.data(), closed.v.data()) && projection.left_open() > 0.0;
+    Workspace there(model);
+    loops.left_open = projection.close(closed.q.data(), closed.v.data()) &&
+                      (projection.left_open() > 0.0 || loop_rank(model, there, closed.q.data()).largest > kImplied);
   }
   choose_form(model, pass, ws, start.q.data());
 }

@@ -124,10 +124,11 @@ class LoopProjection {
   double drift_ = 0.0, left_open_ = 0.0;
 };
 
-/// A row that others imply, open at the state nearest to (q, v) that closes the others: of each loop the one that is open most.
+/// A row that others imply but for what numbers were typed with, at the state nearest to (q, v) that closes the others: of each loop the
+/// one that is open most; where all are closed there, the one that is least implied.
 struct RowLeftOpen {
   int loop = 0;
-  std::string name, open;  // "close: row 3, along z", "1e-09 m"
+  std::string what;  // "close: row 3, along z is open by 1e-09 m and ..."
 };
 std::vector<RowLeftOpen> rows_left_open(const Model& model, const Eigen::VectorXd& q, const Eigen::VectorXd& v,
                                         const LoopDrive* drives = nullptr);

@@ -13,10 +13,11 @@ namespace cardan {
 namespace {
 
 // Of closed loops, relative to their size:
-constexpr double kDrift = 10.0;      // relative tolerances that the history of an integrator may be off before it starts anew
-constexpr double kGivenOpen = 1e-6;  // what a state that was given may be open by: typed numbers have a finite number of digits
-constexpr double kGivenDrift = 1e3;  // ... or so many relative tolerances
-constexpr double kGivenMoves = 1e3;  // how much more than that its coordinates may move [rad, m; of large ones relatively]
+constexpr double kDrift = 10.0;       // relative tolerances that the history of an integrator may be off before it starts anew
+constexpr double kGivenOpen = 1e-6;   // what a state that was given may be open by: typed numbers have a finite number of digits
+constexpr double kTypedPivot = 1e-5;  // a scaled pivot of the start below may be what axes were typed with
+constexpr double kGivenDrift = 1e3;   // ... or so many relative tolerances
+constexpr double kGivenMoves = 1e3;   // how much more than that its coordinates may move [rad, m; of large ones relatively]
 
 /// Where one profile follows another: the rates differ by more than rounding in either.
 bool jumps(double before, double rate, const MotionProfile& was, const MotionProfile& is) {
@@ -167,7 +168,7 @@ bool Simulation::close_loops(double t, double* q, double* v) {
   if (closed && loops_->pivot() < nearest_.pivot) nearest_ = {loops_->pivot(), t};
   if (closed && loops_->pivot() < kNearSingular)
     tell_near_singular(fmt::format("has a scaled pivot of {:.2g}, below {:g}", loops_->pivot(), kNearSingular));
-  if (closed && loops_->left_open() > 0.0 && !std::exchange(told_left_open_, true)) tell_left_open(q, v);
+  if (closed && (loops_->left_open() > 0.0 || model_->loops.left_open) && !std::exchange(told_left_open_, true)) tell_left_open(q, v);
   drifted_ = drifted_ || loops_->drift() > kDrift * options_.integrator.relative_tolerance;
   return closed;
 }
@@ -190,8 +191,12 @@ void Simulation::tell_near_singular(const std::string& what) {
   Located at = model_->spec->locate("loops." + loop.name);
   for (const Warning& w : warnings_.all())
     if (w.what.code == Code::near_singular && w.what.at.key_path == at.key_path) return;
-  warn(Code::near_singular, std::move(at), fmt::format("row {} of the loop {}", row - loop.first + 1, what),
-       "multipliers grow as the inverse of its pivot, and loops that begin there may go on in another branch: see docs/errors.md");
+  warn(
+      Code::near_singular, std::move(at), fmt::format("row {} of the loop {}", row - loop.first + 1, what),
+      loops_->pivot() < kTypedPivot && headway_.steps() == 0
+          ? "if other rows should imply it, more digits of places and axes: it holds what is meant to move; if not, loops that begin there "
+            "may go on in another branch: see docs/errors.md"
+          : "multipliers grow as the inverse of its pivot, and loops that begin there may go on in another branch: see docs/errors.md");
 }
 
 // A state that was given is closed but for rounding and typing.

@@ -34,8 +34,7 @@ Warnings loops_far_from_home(Simulation& sim) {
 Warnings open_rows_of_loops(const Model& m, const Eigen::VectorXd& q, const Eigen::VectorXd& v, const LoopDrive* drives) {
   Warnings found;
   for (const RowLeftOpen& row : rows_left_open(m, q, v, drives))
-    found.add(Code::unusual_value, m.spec->locate("loops." + m.loops.all[static_cast<std::size_t>(row.loop)].name),
-              fmt::format("{} is open by {} and nothing can close it: other rows imply it", row.name, row.open),
+    found.add(Code::unusual_value, m.spec->locate("loops." + m.loops.all[static_cast<std::size_t>(row.loop)].name), row.what,
               "more digits of lengths, places and axes, as far as they are typed; or a type that holds less: `cardan describe` names what "
               "could be set free");
   return found;

@@ -652,7 +652,8 @@ LedgerState Simulation::ledger() {
   const Momentum p = momentum();
   const Energy e = energy();
   if (loops_) off += off_near_singular(loops_->pivot(), options_.integrator.relative_tolerance, p, e);
-  ledger_ = balances_.look(p, e, y, off, statistics(), options_.integrator.relative_tolerance, within_.looks);
+  const double typed = model_->loops.left_open ? model_->loops.dependent : 0.0;  // rows that are left open, and accelerations by them
+  ledger_ = balances_.look(p, e, y, off, statistics(), std::max(options_.integrator.relative_tolerance, typed), within_.looks);
   if (within_.looks) {  // it is judged where the step ends
     within_.ledger = true;
     return ledger_;
