@@ -155,7 +155,15 @@ std::vector<RowLeftOpen> rows_left_open(const Model& model, const Eigen::VectorX
   if (projection.left_open() == 0.0) {
     const LoopRank rank = loop_rank(model, ws, closed.data(), drives);
     if (rank.redundant.empty()) return out;
-    const int row = rank.redundant.front();
+    const LoopWork& work = *ws.loops;
+    int row = rank.redundant.front();
+    double most = 0.0;
+    for (const int i : rank.redundant)
+      for (std::size_t j = static_cast<std::size_t>(rank.rank); j < work.columns.size(); ++j)
+        if (const double x =
+                std::abs(work.B[static_cast<std::size_t>(i) * work.columns.size() + static_cast<std::size_t>(work.column_at[j])]);
+            x > most)
+          most = x, row = i;
     std::size_t l = 0;
     while (row >= model.loops.all[l].first + model.loops.all[l].rows) ++l;
     out.push_back({static_cast<int>(l),
