@@ -8,7 +8,7 @@ namespace cardan {
 namespace {
 
 constexpr double kRounding = 1e-12;      // of accelerations that cancel
-constexpr double kTurning = 1e-3;        // the same of centripetal ones, which are products, over it
+constexpr double kTurning = 1e-3;        // of centripetal accelerations so much less: they are products, no sums of many
 constexpr double kStill = 1e-12;         // [rad/s]
 constexpr double kContradiction = 1e-6;  // what may be missing in the acceleration of a redundant row, relative to those of the open tree
 

@@ -164,9 +164,9 @@ std::vector<RowLeftOpen> rows_left_open(const Model& model, const Eigen::VectorX
                 std::abs(work.B[static_cast<std::size_t>(i) * work.columns.size() + static_cast<std::size_t>(work.column_at[j])]);
             x > most)
           most = x, row = i;
-    std::size_t l = 0;
-    while (row >= model.loops.all[l].first + model.loops.all[l].rows) ++l;
-    out.push_back({static_cast<int>(l),
+    const Inputs none{};
+    const Loop& loop = LoopPass(model, ws, none).loop_of(row);
+    out.push_back({static_cast<int>(&loop - model.loops.all.data()),
                    fmt::format("{} holds by a scaled pivot of {:.2g} beside the other rows, which should imply it: it is left open",
                                name_of_row(model, ws, row), rank.largest)});
     return out;
