@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <tuple>
 
 #include "core/dynamics/loop_pass.hpp"
 #include "core/linalg/dense.hpp"
@@ -27,8 +28,8 @@ constexpr double kAlmost = 1e-8;    // ... that it may leave where rows imply ea
 constexpr double kNoPivot = 1e-10;  // a scaled pivot below is none
 constexpr double kDoubt = 1e-10;    // relative to |A|: what rounding in A may amount to
 constexpr double kWeak = 0.03;      // pivots below may be of rows that imply each other on closed loops, and are so where they end below
-constexpr double kVanished = 1e-6;
-constexpr double kNearest = 1e-7;  // part of the way back, or of the residual, that may be left to go
+constexpr double kVanished = 1e-6;  // (kTyped, where digits of what was typed may be behind it)
+constexpr double kNearest = 1e-7;   // part of the way back, or of the residual, that may be left to go
 
 /// The description's word for a velocity component, and for its coordinate.
 struct ComponentName {
@@ -64,16 +65,28 @@ struct Here {
   /// where there may be such, damped by the residual, Newton's method converges as fast as where all rows count (Yamashita and Fukushima
   /// 2001; Fan and Yuan 2005).
   double doubt() const { return std::clamp(open(), kDoubt, most_doubt); }
-  VectorXd solve(const VectorXd& b) const { return damped(A, b, doubt()); }
+  VectorXd solve(const VectorXd& b) const {
+    if (!typed) return damped(A, b, doubt());
+    VectorXd y = VectorXd::Zero(A.cols());
+    if (A.size() == 0) return y;
+    const RightSingular s = right_singular(A);
+    const VectorXd along = s.vectors.transpose() * (A.transpose() * b);
+    const double d = doubt() * s.values[0];
+    for (Eigen::Index i = 0; i < s.values.size() && s.values[i] > kTyped * full; ++i)
+      y += along[i] / (s.values[i] * s.values[i] + d * d) * s.vectors.col(i);
+    return y;
+  }
   double most_doubt = kDoubt;
+  bool typed = false;  // what is weaker than digits of what was typed holds nothing
+  double full = 0.0;   // what a row may be, where it is no such
 };
 
-std::vector<std::uint8_t> held_components(const Model& m, bool rates) {
+std::vector<std::uint8_t> held_components(const Model& m, bool rates, bool all) {
   std::vector<std::uint8_t> held(static_cast<std::size_t>(m.nv), 1);  // modes stay
   for (std::size_t i = 0; i < m.user.size(); ++i) {
     const UserBody& u = m.user[i];
     const HingeSpec& hinge = m.spec->bodies[i].hinge;
-    const bool given = !m.spec->assembly.hold && !(rates ? hinge.v : hinge.q).empty();
+    const bool given = !all && !m.spec->assembly.hold && !(rates ? hinge.v : hinge.q).empty();
     for (int v = u.v; v < u.v + u.nv; ++v)
       held[static_cast<std::size_t>(v)] = given || (m.has_prescribed() && m.prescribed[static_cast<std::size_t>(v)] != 0);
   }
@@ -84,8 +97,8 @@ std::vector<std::uint8_t> held_components(const Model& m, bool rates) {
 }
 
 /// Loops in sets that have no component in common that may move: each closes by itself, or not.
-std::vector<std::vector<std::size_t>> sets_of_loops(const Model& model) {
-  const std::vector<std::uint8_t> held = held_components(model, false);
+std::vector<std::vector<std::size_t>> sets_of_loops(const Model& model, bool all) {
+  const std::vector<std::uint8_t> held = held_components(model, false, all);
   std::vector<std::size_t> set(model.loops.all.size());
   std::vector<int> first(static_cast<std::size_t>(model.nv), -1);  // loop that has the component
   for (std::size_t l = 0; l < set.size(); ++l) {
@@ -114,9 +127,9 @@ std::vector<std::vector<std::size_t>> sets_of_loops(const Model& model) {
 class Assembler {
  public:
   /// Of some of the loops; the others stay as they are.
-  Assembler(Model& model, Workspace& ws, VectorXd q, const MatrixXd& M, std::vector<std::size_t> loops)
+  Assembler(Model& model, Workspace& ws, VectorXd q, const MatrixXd& M, std::vector<std::size_t> loops, bool given_moves)
       : m_(model), ws_(ws), q0_(std::move(q)), loops_(std::move(loops)) {
-    const std::vector<std::uint8_t> held = held_components(model, false);
+    const std::vector<std::uint8_t> held = held_components(model, false, given_moves);
     std::vector<std::uint8_t> on_the_way(static_cast<std::size_t>(m_.nv), 0);
     for (const std::size_t l : loops_) {
       const Loop& loop = m_.loops.all[l];
@@ -126,7 +139,10 @@ class Assembler {
     for (int v = 0; v < m_.nv; ++v)
       if (on_the_way[static_cast<std::size_t>(v)] != 0 && held[static_cast<std::size_t>(v)] == 0) free_.push_back(v);
     root_ = root_of(free_, M);
-    for (const std::size_t l : loops_) reach_ = std::max(reach_, kReach * m_.loops.all[l].lever);
+    for (const std::size_t l : loops_) {
+      const Loop& loop = m_.loops.all[l];
+      reach_ = std::max(reach_, kReach * loop.lever), full_ = std::max(full_, loop.reference / loop.lever);
+    }
     turns_ = turning(m_);
   }
 
@@ -151,29 +167,34 @@ class Assembler {
       stretch_ = (here.A - before).cwiseAbs().maxCoeff() <= kStraight * before.cwiseAbs().maxCoeff() ? 2.0 * stretch_ : 1.0;
     }
     stretch_ = 1.0;
-    return here.open() <= kAlmost;
+    return here.open() <= (typed_ ? kTyped : kAlmost);
   }
 
   /// newton(); where it ends before, once more with rows in doubt that are weak: whether they imply each other is seen where it ends. There
-  /// each of them must have vanished, else it is a row as the others, and a singular posture may have been passed.
+  /// each of them must have vanished, else it is a row as the others, and a singular posture may have been passed. Where rows are left that
+  /// are as weak as digits of what was typed, or neither way leads to an end, once more without these; the others must imply them.
   bool close(VectorXd& q) {
-    VectorXd again = q;
-    std::vector<std::vector<double>> coordinates;
-    for (const Loop& loop : m_.loops.all) coordinates.push_back(loop.q0);
-    if (!in_doubt_ && newton(q)) return true;
-    const bool before = std::exchange(in_doubt_, true);
-    for (std::size_t l = 0; l < coordinates.size(); ++l) std::swap(m_.loops.all[l].q0, coordinates[l]);
-    if (newton(again)) {
-      const Here here = look(again);
-      const double largest = here.A.cwiseAbs().maxCoeff();
-      if (complete_pivots(here.A, kWeak * largest).rows.size() == complete_pivots(here.A, kVanished * largest).rows.size()) {
-        q = again;
+    const VectorXd from = q;
+    const std::vector<std::vector<double>> given = coordinates();
+    const auto again = [&](bool typed, const auto& counts) {
+      VectorXd x = from;
+      const auto before = std::tuple(coordinates(), in_doubt_, typed_);
+      take_coordinates(given);
+      in_doubt_ = true, typed_ = typed;
+      if (newton(x) && !has_weak_rows(look(x).A, typed ? kTyped : kVanished, kWeak) && counts(x)) {
+        q = x;
         return true;
       }
-    }
-    in_doubt_ = before;
-    for (std::size_t l = 0; l < coordinates.size(); ++l) std::swap(m_.loops.all[l].q0, coordinates[l]);
-    return false;
+      take_coordinates(std::get<0>(before));
+      std::tie(std::ignore, in_doubt_, typed_) = before;
+      return false;
+    };
+    const auto always = [](const VectorXd&) { return true; };
+    const auto implied = [&](const VectorXd& x) { return loops_.size() < m_.loops.all.size() || implied_by_others(m_, x); };
+    if (typed_) return again(true, always);
+    const bool closed = (!in_doubt_ && newton(q)) || again(false, always);
+    if (closed && !has_weak_rows(look(q).A, kDoubt, kTyped)) return true;
+    return again(true, implied) || closed;
   }
 
   /// Along the closed loops to where what is left of the way back to the start is across them.
@@ -199,7 +220,7 @@ class Assembler {
 
   /// Rates nearest to v that keep the loops closed at q.
   void move_along(const VectorXd& q, const MatrixXd& M, VectorXd& v) {
-    const std::vector<std::uint8_t> held = held_components(m_, true);
+    const std::vector<std::uint8_t> held = held_components(m_, true, false);
     std::vector<int> free;
     for (const Loop& loop : m_.loops.all)
       for (const int i : loop.rates)
@@ -207,7 +228,7 @@ class Assembler {
     if (free.empty()) return;
     std::ranges::sort(free);
     const MatrixXd root = root_of(free, M);
-    look(q);
+    Here here = look(q);
     const auto scale = rows();
     MatrixXd G = scale * Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(ws_.loops->G.data(),
                                                                                                                   m_.loops.rows, m_.nv);
@@ -219,8 +240,10 @@ class Assembler {
       else
         open[loop.first] = 0.0, G.row(loop.first).setZero();
     }
-    const MatrixXd A = root.triangularView<Eigen::Lower>().solve(G(Eigen::all, free).transpose()).transpose();
-    const VectorXd d = root.transpose().triangularView<Eigen::Upper>().solve(damped(A, -open, kDoubt));
+    here.A = root.triangularView<Eigen::Lower>().solve(G(Eigen::all, free).transpose()).transpose();
+    here.most_doubt = kDoubt;
+    here.typed = typed_ || (has_weak_rows(here.A, kDoubt, kTyped) && implied_by_others(m_, q));
+    const VectorXd d = root.transpose().triangularView<Eigen::Upper>().solve(here.solve(-open));
     for (std::size_t i = 0; i < free.size(); ++i) v[free[i]] += d[static_cast<Eigen::Index>(i)];
   }
 
@@ -271,7 +294,23 @@ class Assembler {
         Eigen::Map<const Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>>(ws_.loops->G.data(), m_.loops.rows, m_.nv);
     const VectorXd c = scale * Eigen::Map<const VectorXd>(ws_.loops->c.data(), m_.loops.rows);
     return {c(rows_), root_.triangularView<Eigen::Lower>().solve((scale * G)(rows_, free_).transpose()).transpose(),
-            in_doubt_ ? kWeak : kDoubt};
+            in_doubt_ ? kWeak : kDoubt, typed_, full_};
+  }
+
+  /// Rows of which pivots are between these.
+  bool has_weak_rows(const MatrixXd& A, double least, double most) const {
+    if (A.size() == 0) return false;
+    const double largest = typed_ || most <= kTyped ? full_ : A.cwiseAbs().maxCoeff();
+    return complete_pivots(A, most * largest).rows.size() != complete_pivots(A, least * largest).rows.size();
+  }
+  /// Of hinges that close.
+  std::vector<std::vector<double>> coordinates() const {
+    std::vector<std::vector<double>> out;
+    for (const Loop& loop : m_.loops.all) out.push_back(loop.q0);
+    return out;
+  }
+  void take_coordinates(const std::vector<std::vector<double>>& q0) {
+    for (std::size_t l = 0; l < q0.size(); ++l) m_.loops.all[l].q0 = q0[l];
   }
 
   /// Hinges that close loops go on from where they are, and so do the rows of each.
@@ -320,24 +359,25 @@ class Assembler {
   std::vector<int> free_, rows_;
   MatrixXd root_;
   std::vector<std::uint8_t> turns_;
-  double reach_ = 0.0;
+  double reach_ = 0.0, full_ = 0.0;
   double stretch_ = 1.0;   // of steps: longer ones where gradients stay what they are, as of gears and of bodies that only shift
   bool in_doubt_ = false;  // weak rows: whether they count is told where it ends
+  bool typed_ = false;     // rows as weak as digits of what was typed: others imply them
 };
 
 }  // namespace
 
-bool assemble_start(Model& model, Workspace& ws, const std::function<MatrixXd(const VectorXd&)>& inertia, bool places, State& start,
-                    std::vector<std::vector<std::string>>& may_move) {
+bool assemble_start(Model& model, Workspace& ws, const std::function<MatrixXd(const VectorXd&)>& inertia, bool places, bool given_moves,
+                    State& start, std::vector<std::vector<std::string>>& may_move) {
   const State given = start;
   const MatrixXd M = inertia(start.q);
-  const std::vector<std::vector<std::size_t>> sets = sets_of_loops(model);
+  const std::vector<std::vector<std::size_t>> sets = sets_of_loops(model, given_moves);
   std::vector<std::size_t> all(model.loops.all.size());
   std::iota(all.begin(), all.end(), std::size_t{0});
-  Assembler assembler(model, ws, start.q, M, all);
+  Assembler assembler(model, ws, start.q, M, all, given_moves);
   may_move.assign(all.size(), {});
   for (const auto& set : sets) {
-    const Assembler part(model, ws, start.q, M, set);
+    const Assembler part(model, ws, start.q, M, set, given_moves);
     for (const int v : part.free())
       for (const std::size_t l : set) may_move[l].push_back(name_of_component(model, v).coordinate);
   }
@@ -348,7 +388,7 @@ bool assemble_start(Model& model, Workspace& ws, const std::function<MatrixXd(co
       closed = true;
       start.q = given.q;
       for (const auto& set : sets) {
-        Assembler part(model, ws, start.q, M, set);
+        Assembler part(model, ws, start.q, M, set, given_moves);
         if (!part.close(start.q)) closed = false;
       }
       if (!closed) assembler.move_along(start.q, inertia(start.q), start.v);
@@ -357,18 +397,23 @@ bool assemble_start(Model& model, Workspace& ws, const std::function<MatrixXd(co
   }
   if (closed) assembler.move_along(start.q, inertia(start.q), start.v);
   ws.loops->near_W.clear();
+  return closed;
+}
+
+std::vector<MovedAtStart> moved_at_start(const Model& model, const State& given, const State& start, bool given_moves) {
+  std::vector<MovedAtStart> moved;
   VectorXd way(model.nv);
   model.difference(given.q.data(), start.q.data(), way.data());
-  model.loops.moved.clear();
   for (const UserBody& u : model.user)
     for (int j = 0; j < u.nv; ++j) {
       const int v = u.v + j;
       const ComponentName name = name_of_component(model, v);
       const double from = u.nq == u.nv ? given.q[u.q + j] : 0.0;
-      if (way[v] != 0.0) model.loops.moved.push_back({name.coordinate, name.coordinate_unit, from, from + way[v]});
-      if (start.v[v] != given.v[v]) model.loops.moved.push_back({name.rate, name.rate_unit, given.v[v], start.v[v]});
+      const HingeSpec& hinge = model.spec->bodies[static_cast<std::size_t>(&u - model.user.data())].hinge;
+      if (way[v] != 0.0) moved.push_back({name.coordinate, name.coordinate_unit, from, from + way[v], given_moves && !hinge.q.empty()});
+      if (start.v[v] != given.v[v]) moved.push_back({name.rate, name.rate_unit, given.v[v], start.v[v]});
     }
-  return closed;
+  return moved;
 }
 
 }  // namespace cardan

@@ -109,7 +109,7 @@ class EmbeddedMultipliers {
           solve_rows_of_multipliers(c, N);
       }
     }
-    if (n > 0) pass.take_from_multipliers(n);
+    if (n > 0) pass.take_left_null_space(n, k_.lambda.data());
     return true;
   }
 

@@ -12,9 +12,8 @@ constexpr double kTurning = 1e-3;        // of centripetal accelerations so much
 constexpr double kStill = 1e-12;         // [rad/s]
 constexpr double kContradiction = 1e-6;  // what may be missing in the acceleration of a redundant row, relative to those of the open tree
 
-/// [m/s^2] What rounding may leave of c'' of a row: of the accelerations of its ends, or of what it couples, which cancel, and of rates
-/// that are none.
-double rounding_of(const Model& model, const Workspace& ws, const Inputs& in, const Loop& loop, const double* vdot) {
+/// [m/s^2] The accelerations of the ends of a loop, or of what it couples, which cancel in c'', and of rates that are none.
+double what_cancels(const Model& model, const Workspace& ws, const Inputs& in, const Loop& loop, const double* vdot) {
   const LoopWork& work = *ws.loops;
   double size = kStill * kStill * loop.lever / kRounding;
   for (const LoopEnd* end : {&loop.from, &loop.to}) {
@@ -25,7 +24,7 @@ double rounding_of(const Model& model, const Workspace& ws, const Inputs& in, co
   const std::vector<double>& gradient = work.gradient[static_cast<std::size_t>(&loop - model.loops.all.data())];
   for (std::size_t i = 0; i < gradient.size(); ++i)
     size += work.scale[static_cast<std::size_t>(loop.first)] * std::abs(gradient[i] * vdot[loop.coupling.terms[i].v]);
-  return kRounding * size;
+  return size;
 }
 
 bool stop(Workspace& ws, const Loop& loop, int row, double value, double limit) {
@@ -80,9 +79,8 @@ void LoopPass::solve(const double* rhs, double* lambda) {
   for (int p = 0; p < r; ++p) lambda[k_.row_at[at(p)]] += y[p] * unit(p);
 }
 
-void LoopPass::share() {
+int LoopPass::find_left_null_space() {
   const int rows = loops_.rows, r = k_.rank, n = rows - r, columns = static_cast<int>(k_.columns.size());
-  if (n == 0) return;
   const auto L = [&](int i, int j) { return k_.B[at(k_.row_at[at(i)] * columns + k_.column_at[at(j)])]; };
   // Per redundant row: 1 on itself, -K on the others, where row = K (independent rows).
   for (int i = 0; i < n; ++i) {
@@ -100,10 +98,22 @@ void LoopPass::share() {
       N[other] *= weight(other) / weight(row);
     }
   }
-  take_from_multipliers(n);
+  return n;
 }
 
-void LoopPass::take_from_multipliers(int n) {
+void LoopPass::share() { take_left_null_space(find_left_null_space(), k_.lambda.data()); }
+
+void LoopPass::reconcile(double* x) {
+  const int rows = loops_.rows, n = find_left_null_space();
+  for (int k = 0; k < rows; ++k) {
+    x[k] *= k_.scale[at(k)];
+    for (int i = 0; i < n; ++i) k_.N[at(i * rows + k)] /= k_.scale[at(k)];
+  }
+  take_left_null_space(n, x);
+  for (int k = 0; k < rows; ++k) x[k] /= k_.scale[at(k)];
+}
+
+void LoopPass::take_left_null_space(int n, double* x) {
   const int rows = loops_.rows;
   for (int i = 0; i < n; ++i)
     for (int j = 0; j <= i; ++j) {
@@ -115,7 +125,7 @@ void LoopPass::take_from_multipliers(int n) {
   double* y = k_.y.data();
   for (int i = 0; i < n; ++i) {
     y[i] = 0.0;
-    for (int k = 0; k < rows; ++k) y[i] += k_.N[at(i * rows + k)] * k_.lambda[at(k)];
+    for (int k = 0; k < rows; ++k) y[i] += k_.N[at(i * rows + k)] * x[k];
     for (int j = 0; j < i; ++j) y[i] -= k_.NN[at(i * n + j)] * y[j];
     y[i] /= k_.NN[at(i * n + i)];
   }
@@ -124,7 +134,7 @@ void LoopPass::take_from_multipliers(int n) {
     y[i] /= k_.NN[at(i * n + i)];
   }
   for (int i = 0; i < n; ++i)
-    for (int k = 0; k < rows; ++k) k_.lambda[at(k)] -= k_.N[at(i * rows + k)] * y[i];
+    for (int k = 0; k < rows; ++k) x[k] -= k_.N[at(i * rows + k)] * y[i];
 }
 
 void LoopPass::push() {
@@ -288,6 +298,7 @@ bool close_loops(const Model& model, Workspace& ws, const Inputs& in, double* vd
     work.rhs[i] = -work.open[i], work.lambda[i] = 0.0;
     size = std::max(size, work.scale[i] * std::abs(work.open[i]));
   }
+  if (model.loops.left_open) pass.reconcile(work.rhs.data());
   pass.solve(work.rhs.data(), work.lambda.data());
   for (int twice = 0; twice < 2; ++twice) {  // the second time with what rounding has left open
     pass.share();
@@ -295,6 +306,7 @@ bool close_loops(const Model& model, Workspace& ws, const Inputs& in, double* vd
     pass.move(vdot);
     pass.accelerations(vdot, work.acceleration.data());
     for (std::size_t i = 0; i < work.rhs.size(); ++i) work.rhs[i] = -work.acceleration[i];
+    if (model.loops.left_open) pass.reconcile(work.rhs.data());
     if (twice == 0) pass.solve(work.rhs.data(), work.lambda.data());
   }
   // What is less than the rounding of the multipliers still counts where what they push is light (rotors behind gears).
@@ -305,17 +317,14 @@ bool close_loops(const Model& model, Workspace& ws, const Inputs& in, double* vd
     const double* U = work.U.data() + static_cast<std::ptrdiff_t>(p) * model.nv;
     for (int i = 0; i < model.nv; ++i) vdot[i] += mu * U[i];
   }
-  double open = model.loops.left_open ? model.loops.dependent : 0.0;
-  for (const Loop& loop : model.loops.all)
-    for (int i = loop.first; i < loop.first + loop.rows && loop.turns(); ++i)
-      open = std::max(open, work.scale[static_cast<std::size_t>(i)] * std::abs(work.c[static_cast<std::size_t>(i)]) / loop.lever);
-  const double limit = (kContradiction + 1e3 * open) * size;
+  const double typed = model.loops.left_open ? 1e3 * model.loops.dependent : 0.0;
+  const double limit = (kContradiction + 1e3 * pass.open() + typed) * size;
   for (std::size_t i = static_cast<std::size_t>(work.rank); i < work.row_at.size(); ++i) {
     const int row = work.row_at[i];
     const auto at = static_cast<std::size_t>(row);
     const Loop& loop = pass.loop_of(row);
     if (const double missing = work.scale[at] * std::abs(work.acceleration[at]);
-        !(missing <= limit) && !(missing <= rounding_of(model, ws, in, loop, vdot)))
+        !(missing <= limit) && !(missing <= (kRounding + typed) * what_cancels(model, ws, in, loop, vdot)))
       return stop(ws, loop, row, missing, limit);
   }
   return true;

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <optional>
 
 #include "core/dynamics/loop_place.hpp"
 #include "core/dynamics/loops.hpp"
@@ -77,6 +78,14 @@ class LoopPass {
   void matrix();
   /// Independent rows by complete pivoting on scaled G: rates in the root of their energy, rows in metres.
   void find_rank();
+  /// What places are open by most, relative to the size of their loops. Needs find_rank().
+  double open() const {
+    double most = 0.0;
+    for (const Loop& loop : loops_.all)
+      for (int i = loop.first; i < loop.first + loop.rows && loop.turns(); ++i)
+        most = std::max(most, std::abs(k_.c[at(i)]) * k_.scale[at(i)] / loop.lever);
+    return most;
+  }
 
   /// M^-1 G* and G M^-1 G* of the independent rows, factored. Needs P, D, G of the sweeps; `runs`: as far as U is wanted. false: a row
   /// without compliance.
@@ -85,8 +94,11 @@ class LoopPass {
   void solve(const double* rhs, double* lambda);
   /// Of all multipliers that push alike those of smallest norm: less what lies in the left null space of G.
   void share();
-  /// The last part of it, for n columns of that null space in LoopWork::N, rows of n numbers each.
-  void take_from_multipliers(int n);
+  /// Takes from x, one number a row, what n vectors of that null space hold of it: LoopWork::N, one a line.
+  void take_left_null_space(int n, double* x);
+  /// Takes from what rows are to do that in which they contradict each other, least squares of rows in metres: where others imply a row
+  /// but for what numbers were typed with, which of them count says no more than that.
+  void reconcile(double* x);
   /// The multipliers as wrenches on nodes and as hinge forces of couplings, beside those of actuators.
   void push();
   /// z and gamma_b of all bodies as they were kept.
@@ -124,6 +136,9 @@ class LoopPass {
   }
 
  private:
+  /// Of G, into LoopWork::N. How many vectors it has. Needs find_rank().
+  int find_left_null_space();
+
   static std::size_t at(int i) { return static_cast<std::size_t>(i); }
   static std::size_t at(std::size_t i) { return i; }
   static std::size_t at(std::ptrdiff_t i) { return static_cast<std::size_t>(i); }
@@ -181,9 +196,17 @@ std::vector<std::uint8_t> turning(const Model& model);
 /// The start that is nearest in the metric of the mass matrix (weighted) and closes the loops: hinges that may move do, on the way from the
 /// given one without passing a singular posture; and the rates nearest to the given ones. `places`: not only the rates are open.
 /// `may_move` names the coordinates, loop by loop. False: not closed; loops that share no such coordinate with one that cannot be closed
-/// are closed all the same, the others as near as they got.
+/// are closed all the same, the others as near as they got. Rows that others imply but for what numbers were typed with stay open by as
+/// much (kTyped). `given_moves`: coordinates that were given may move too.
 bool assemble_start(Model& model, Workspace& ws, const std::function<Eigen::MatrixXd(const Eigen::VectorXd&)>& inertia, bool places,
-                    State& start, std::vector<std::vector<std::string>>& may_move);
+                    bool given_moves, State& start, std::vector<std::vector<std::string>>& may_move);
+/// What it has changed.
+std::vector<MovedAtStart> moved_at_start(const Model& model, const State& given, const State& start, bool given_moves);
+/// Whether rows with scaled pivots below kTyped are implied by the others but for what numbers were typed with: moved along what the others
+/// leave free, far beyond that, and closed by the others alone, loops are open by no more, and the pivots are as small. That tells them
+/// from rows near a singular posture, and from those on what is heavy beside what is light. The largest of these pivots on the way, at most
+/// kTyped; nothing where they are not implied. Embeddings are not made yet.
+std::optional<double> implied_by_others(const Model& model, const Eigen::VectorXd& q);
 void make_room_for_loops(const Model& model, Workspace& ws);
 /// gamma_b of all bodies, which only an outward sweep changes: what keep_loads leaves out where loops are closed inside of the sweeps.
 void keep_gamma(const Model& model, Workspace& ws);

@@ -13,7 +13,6 @@ namespace {
 constexpr double kClosed = 4e-15;                        // residual that counts as none, relative to the size of a loop
 constexpr double kRounded = 4.5e-16;                     // the same, relative to how far from home it is: places are rounded there
 constexpr double kStalled = 1e-11, kStalledFar = 1e-14;  // what does not become less below these is rounding; relative to the same two
-constexpr double kLeftOpen = 1e-5;                       // of rows that others imply, ten times what a start may be open by
 constexpr double kSeen = 1e-3;                           // of what is left open most, so much of another row is no rounding
 constexpr int kTries = 20;                               // of Newton's method
 
@@ -26,7 +25,7 @@ LoopProjection::LoopProjection(const Model& model)
       next_(model.nq),
       mu_(model.loops.rows),
       given_(static_cast<std::size_t>(model.loops.rows)),
-      counts_(static_cast<std::size_t>(model.loops.rows)) {}
+      agreed_(given_) {}
 LoopProjection::~LoopProjection() = default;
 
 soa::Breakdown LoopProjection::breakdown() const {
@@ -39,28 +38,27 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
   LoopWork& work = *ws_.loops;
   const Inputs in{.q = q, .v = v, .gravity = false, .drives = drives};
   LoopPass pass(model_, ws_, in);
-  /// Of all rows, or of those that count.
-  const auto largest = [&](const std::vector<double>& x, bool of_all) {
+  bool of_places = true, implied = false;  // rows by others
+  const auto largest = [&](const std::vector<double>& x) {
     double most = 0.0;
     worst_ = 0;
     for (const Loop& loop : model_.loops.all) {
       const double size = pass.size_of(loop);
       for (int i = loop.first; i < loop.first + loop.rows; ++i) {
-        if (!of_all && !counts_[static_cast<std::size_t>(i)]) continue;
         const double metres = std::abs(x[static_cast<std::size_t>(i)]) * pass.in_metres(loop, i);
-        if (&x != &work.rate && metres <= kRounded * pass.reach_of(loop)) continue;
+        if (of_places && metres <= kRounded * pass.reach_of(loop)) continue;
         const double one = metres / size;
         if (!(one <= most)) most = one, worst_ = i;  // what is no number is the largest
       }
     }
     return most;
   };
-  const auto drift = [&](bool of_all) {
+  const auto drift = [&] {
     double most = 0.0;
     for (const Loop& loop : model_.loops.all)
       for (int i = loop.first; i < loop.first + loop.rows; ++i)
-        if (const auto at = static_cast<std::size_t>(i); of_all || counts_[at])
-          most = std::max(most, std::abs(given_[at]) * pass.in_metres(loop, i) / std::max(pass.size_of(loop), pass.reach_of(loop)));
+        most = std::max(most, std::abs(given_[static_cast<std::size_t>(i)]) * pass.in_metres(loop, i) /
+                                  std::max(pass.size_of(loop), pass.reach_of(loop)));
     return most;
   };
   const auto stalled = [&] {
@@ -88,10 +86,6 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
     if (model_.loops.embedding && embedded_response(model_, ws_, q, drives, x, step_.data())) {
       pivot_ = work.embedding->smallest, weakest_ = work.embedding->weakest;
       look_at_wheels();
-      std::ranges::fill(counts_, std::uint8_t{1});
-      for (const EmbeddedLoop& c : model_.loops.embedding->loops)
-        for (int i = c.rank; i < c.rows; ++i)
-          counts_[static_cast<std::size_t>(c.first + work.embedding->row_at[static_cast<std::size_t>(c.row + i)])] = 0;
       return true;
     }
     if (model_.loops.embedding && !stand(model_, ws_, q, true)) return false;
@@ -99,38 +93,41 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
     pass.find_rank();
     pivot_ = work.rank > 0 ? work.smallest : 1.0;
     weakest_ = work.rank > 0 ? work.row_at[static_cast<std::size_t>(work.rank) - 1] : 0;
-    const bool singular = work.rank < model_.loops.rank;  // what counts no longer there is not implied
-    for (std::size_t i = 0; i < counts_.size(); ++i)
-      counts_[static_cast<std::size_t>(work.row_at[i])] = singular || i < static_cast<std::size_t>(work.rank) ? 1 : 0;
+    implied = work.rank >= model_.loops.rank && work.rank < model_.loops.rows;  // what counts no longer at a singular posture is not
     if (!pass.compliance(model_.runs)) return false;
+    agreed_ = x;
+    if (implied) pass.reconcile(agreed_.data());
     mu_.setZero();
-    pass.solve(x.data(), mu_.data());
+    pass.solve(agreed_.data(), mu_.data());
     step_.setZero();
     for (int p = 0; p < work.rank; ++p)
       step_ -= mu_[work.row_at[static_cast<std::size_t>(p)]] *
                Eigen::Map<const Eigen::VectorXd>(work.U.data() + static_cast<std::ptrdiff_t>(p) * model_.nv, model_.nv);
     return true;
   };
-  double before = std::numeric_limits<double>::infinity(), counted_before = before;
+  double before = std::numeric_limits<double>::infinity(), agreed_before = before;
   int in_place = 0;  // the row that was open most
   left_open_ = 0.0;
   for (int i = 0;; ++i) {
     if (!stand(model_, ws_, q, !model_.loops.embedding)) return false;
     pass.place();
-    const double now = largest(work.c, true);
-    if (i == 0) given_ = work.c, distance_ = now, drift_ = drift(true), in_place = worst_;
+    const double now = largest(work.c);
+    if (i == 0) given_ = work.c, distance_ = now, drift_ = drift(), in_place = worst_;
     open_ = now;
     if (!std::isfinite(now)) return false;
     const auto closed = [&](double open, double was) { return open <= kClosed || (i > 0 && open > 0.5 * was && was < stalled()); };
     if (closed(now, before)) break;
-    if (i > 0 && now > stalled() && now <= kLeftOpen) {  // are those alone open that nothing can close?
+    if (implied && now > stalled() && now <= kTyped) {  // is it open by that alone which nothing can close?
       const int row = worst_;
-      const double counted = largest(work.c, false);
-      if (closed(counted, counted_before)) {
-        left_open_ = now, distance_ = largest(given_, false), drift_ = drift(false), in_place = worst_;
+      agreed_ = work.c;
+      pass.reconcile(agreed_.data());
+      const double agreed = largest(agreed_);
+      if (closed(agreed, agreed_before)) {
+        pass.reconcile(given_.data());
+        left_open_ = now, distance_ = largest(given_), drift_ = drift(), in_place = worst_;
         break;
       }
-      counted_before = counted, worst_ = row;
+      agreed_before = agreed, worst_ = row;
     }
     if (i == kTries || (i > 2 && now > before)) return false;
     if (!take(work.c)) return false;
@@ -138,7 +135,9 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
     std::copy_n(next_.data(), model_.nq, q);
     before = now;
   }
-  rate_ = largest(work.rate, left_open_ == 0.0);
+  of_places = false;
+  if (left_open_ > 0.0) pass.reconcile(work.rate.data());
+  rate_ = largest(work.rate);
   if (!(rate_ > distance_)) worst_ = in_place;
   if (!take(work.rate)) return false;
   for (int i = 0; i < model_.nv; ++i) v[i] += step_[i];

@@ -33,11 +33,9 @@ void LoopPass::matrix() {
 
 void LoopPass::find_rank() {
   const int rows = loops_.rows, n = static_cast<int>(k_.columns.size());
-  double open = 0.0;
   for (const Loop& loop : loops_.all) {
     for (int i = loop.first; i < loop.first + loop.rows; ++i) {
       k_.scale[at(i)] = in_metres(loop, i);
-      if (loop.turns()) open = std::max(open, std::abs(k_.c[at(i)]) * k_.scale[at(i)] / loop.lever);
       for (int j = 0; j < n; ++j) {
         const auto v = at(k_.columns[at(j)]);
         const bool held = m_.has_prescribed() && m_.prescribed[v] != 0;
@@ -47,7 +45,7 @@ void LoopPass::find_rank() {
     }
   }
   for (int j = 0; j < n; ++j) k_.column_at[at(j)] = j;
-  const double limit = k_.dependent = std::max(loops_.dependent, more_than_dependent(open));
+  const double limit = k_.dependent = std::max(loops_.dependent, more_than_dependent(open()));
   const auto B = [&](int i, int j) -> double& { return k_.B[at(k_.row_at[at(i)] * n + k_.column_at[at(j)])]; };
   k_.rank = 0, k_.smallest = 0.0, k_.largest = 0.0;
   for (int p = 0; p < std::min(rows, n); ++p) {

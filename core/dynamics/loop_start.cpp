@@ -19,9 +19,16 @@ namespace {
 
 constexpr double kStart = 1e-6;  // residual of a start: typed numbers have a finite number of digits
 
-constexpr double kTyped = 1e-7;  // scaled pivots below are of rows that others should imply, but for what axes were typed with
-
 constexpr double kImplied = 1e-12;  // scaled pivots of rows that others imply, at the most
+
+constexpr double kLeastTyped = 1e-7;  // beyond the rank of the start a scaled pivot below is none
+constexpr double kMoreTyped = 100.0;  // elsewhere such a pivot is so much more, at the most
+
+constexpr double kStirs = 1e-2;  // a mode moves ends of loops by so much of a unit of mass, or is taken to
+
+constexpr double kMovedByDigits = 100.0 * kTyped;  // [rad, m] given coordinates by what closes what they leave open by kTyped at the most
+
+constexpr double kFar = 0.1;  // [rad]; of slides, levers: what a mechanism is moved by
 
 constexpr double kNoLever = 1e-12;  // of the way from home, or of what moves all mass: what rounding leaves of a distance that is none
 
@@ -45,12 +52,12 @@ Reach reach_of(const Model& model, const Workspace& ws, const Loop& loop, std::s
   return reach;
 }
 
-/// What a loop of this size is open by at the start, row by row: of places, else of rates.
+/// What is open at the start by more than `limit` of the size of its loop, row by row: of places, else of rates.
 struct OpenRows {
   std::vector<std::string> places, rates;  // per loop; empty: closed
   bool any_place = false, any_rate = false;
 };
-OpenRows open_rows(const Model& model, const LoopPass& pass, const LoopWork& work, const Eigen::VectorXd& v) {
+OpenRows open_rows(const Model& model, const LoopPass& pass, const LoopWork& work, const Eigen::VectorXd& v, double limit = kStart) {
   OpenRows out;
   const std::vector<std::uint8_t> turns = turning(model);
   for (const Loop& loop : model.loops.all) {
@@ -70,9 +77,9 @@ OpenRows open_rows(const Model& model, const LoopPass& pass, const LoopWork& wor
       const auto add = [&](std::string& text, double value, const char* per) {
         text += fmt::format("{}{} {:.3g}{}{}", text.empty() ? "" : "; ", name, value, unit_of_row(loop, W), per);
       };
-      if (!(std::abs(work.c[at]) <= kStart * size)) add(places, work.c[at], "");
+      if (!(std::abs(work.c[at]) <= limit * size)) add(places, work.c[at], "");
       const std::optional<double> rate = loop.drive < 0 ? 0.0 : model.spec->loops[static_cast<std::size_t>(loop.spec)].rate;
-      if (rate && !(std::abs(work.rate[at] - *rate) <= kStart * pace)) add(rates, work.rate[at] - *rate, couples ? " 1/s" : "/s");
+      if (rate && !(std::abs(work.rate[at] - *rate) <= limit * pace)) add(rates, work.rate[at] - *rate, couples ? " 1/s" : "/s");
     }
     out.any_place = out.any_place || !places.empty(), out.any_rate = out.any_rate || !rates.empty();
     out.places.push_back(std::move(places)), out.rates.push_back(std::move(rates));
@@ -102,7 +109,8 @@ void refuse_open_start(const Model& model, const OpenRows& open, const std::vect
              "[...]})");
     if (open.places[l].empty())
       report("initial rates that keep it closed", open.rates[l],
-             "give `initial` of the hinges rates that move both ends alike, or none: they are found then");
+             "give `initial` of the hinges rates that move both ends alike, or none: they are found then; where other rows should imply "
+             "these, places or axes are off by more than 1e-4 of the loop");
   }
   sink.throw_if_any();
 }
@@ -122,6 +130,47 @@ void check_assembly(const Model& model) {
       sink.report(Code::out_of_range, model.spec->locate("assembly.weights." + name), "a finite number > 0", fmt::format("{:g}", weight));
   }
   sink.throw_if_any();
+}
+
+/// Of components that may move ends of loops against each other what moves them by about the size of a loop: 1 rad, a lever, so much of a
+/// mode; 0 of all others. Needs G.
+Eigen::VectorXd units_of_motion(const Model& model, const LoopWork& work) {
+  const std::vector<std::uint8_t> turns = turning(model);
+  Eigen::VectorXd unit = Eigen::VectorXd::Zero(model.nv), by_mode = unit;
+  double mass = 0.0;
+  for (const UserBody& u : model.user) by_mode.segment(u.etadot, u.n_modes).setOnes(), mass += u.mass;
+  for (const Loop& loop : model.loops.all)
+    for (const int v : loop.rates) {
+      if (model.has_prescribed() && model.prescribed[static_cast<std::size_t>(v)]) continue;
+      unit[v] = turns[static_cast<std::size_t>(v)] ? 1.0 : loop.lever;
+      if (by_mode[v] == 0.0) continue;
+      double moves = kStirs / std::sqrt(mass);
+      for (int i = loop.first; i < loop.first + loop.rows; ++i)
+        moves = std::max(moves, std::abs(work.G[static_cast<std::size_t>(i * model.nv + v)]) * work.scale[static_cast<std::size_t>(i)]);
+      unit[v] /= moves;
+    }
+  return unit;
+}
+
+/// Given coordinates that were moved by what digits may amount to.
+bool is_near(const Model& model, const Eigen::VectorXd& given, const Eigen::VectorXd& found) {
+  Eigen::VectorXd way(model.nv);
+  model.difference(given.data(), found.data(), way.data());
+  return way.cwiseAbs().maxCoeff<Eigen::PropagateNaN>() <= kMovedByDigits;
+}
+
+/// The rank of the start, and what a pivot beyond it is to exceed. Needs matrix().
+void find_start_rank(Model& model, LoopPass& pass, const LoopWork& work, const Eigen::VectorXd& q) {
+  Loops& loops = model.loops;
+  loops.rank = 0, loops.dependent = kTyped;
+  pass.find_rank();
+  loops.dependent = kLeastTyped;
+  if (work.largest > kImplied) {
+    const std::optional<double> typed = implied_by_others(model, q);
+    loops.dependent = typed ? std::clamp(kMoreTyped * *typed, kLeastTyped, kTyped) : 0.0;
+    if (!typed) pass.find_rank();
+  }
+  loops.rank = work.rank, loops.dependent = std::max(loops.dependent, more_than_dependent(pass.open()));
 }
 
 std::vector<double> scaled_rows(const Model& model, const LoopPass& pass, const LoopWork& work) {
@@ -228,7 +277,7 @@ void prepare_loops(Model& model) {
   for (const UserBody& u : model.user) std::fill_n(is_mode.begin() + u.etadot, u.n_modes, std::uint8_t{1}), mass += u.mass;
   const double of_all = mass > 0.0 ? 1.0 / std::sqrt(mass) : 1.0;
   /// Levers, scales and coordinates of hinges that close, at a start; then its residuals with them.
-  const auto measure = [&] {
+  const auto measure = [&](double limit) {
     stand(model, ws, start.q.data(), false);
     const Inputs in{.q = start.q.data(), .v = start.v.data(), .gravity = false};  // a pass refers to it
     LoopPass pass(model, ws, in);
@@ -280,27 +329,28 @@ void prepare_loops(Model& model) {
                                                           pass.in_metres(loop, i) * loops.column_scale[at]);
       if (!by_hinges && !(loop.reference > kNoLever * of_all)) loop.reference = of_all;  // modes that move both ends alike
     }
-    return open_rows(model, pass, *ws.loops, start.v);
+    return open_rows(model, pass, *ws.loops, start.v, limit);
   };
-  OpenRows open = measure();
-  if (open.any_place || open.any_rate) {
-    std::vector<std::vector<std::string>> may_move;
-    assemble_start(model, ws, inertia, open.any_place, start, may_move);
-    open = measure();
-    refuse_open_start(model, open, may_move);
+  const State given = start;
+  std::vector<std::vector<std::string>> may_move;
+  if (const OpenRows open = measure(kStart); open.any_place || open.any_rate) {
+    const bool places = open.any_place, by_digits = places && !measure(kTyped).any_place;
+    bool given_moves = false;
+    assemble_start(model, ws, inertia, places, given_moves, start, may_move);
+    if (by_digits && measure(kStart).any_place) {
+      const State nearest = std::exchange(start, given);
+      measure(kStart);
+      given_moves = true;
+      if (!assemble_start(model, ws, inertia, places, given_moves, start, may_move) || !is_near(model, given.q, start.q)) start = nearest;
+    }
+    measure(kStart);
+    loops.moved = moved_at_start(model, given, start, given_moves);
     begin_at(model, start);
   }
   const Inputs in{.q = start.q.data(), .v = start.v.data(), .gravity = false};
   LoopPass pass(model, ws, in);
   pass.matrix();
-  double least = 1.0;  // of a row on what is heaviest beside what is lightest
-  for (const Loop& loop : loops.all)
-    for (const int v : loop.rates)
-      if (const auto i = static_cast<std::size_t>(v); loop.closing != Closing::coupling && !is_mode[i])
-        least = std::min(least, (turns[i] ? loop.lever : 1.0) * loops.column_scale[i] / loop.reference);
-  loops.dependent = kTyped * least;
-  pass.find_rank();
-  loops.rank = ws.loops->rank, loops.dependent = ws.loops->dependent;
+  find_start_rank(model, pass, *ws.loops, start.q);
   if (loops.rank < loops.rows) {
     State closed = start;
     LoopProjection projection(model);
@@ -308,7 +358,37 @@ void prepare_loops(Model& model) {
     loops.left_open = projection.close(closed.q.data(), closed.v.data()) &&
                       (projection.left_open() > 0.0 || loop_rank(model, there, closed.q.data()).largest > kImplied);
   }
+  refuse_open_start(model, open_rows(model, pass, *ws.loops, start.v, loops.left_open ? kTyped : kStart), may_move);
   choose_form(model, pass, ws, start.q.data());
+}
+
+std::optional<double> implied_by_others(const Model& model, const Eigen::VectorXd& q) {
+  Model trial = model;
+  Loops& loops = trial.loops;
+  Workspace ws(trial);
+  loops.rank = 0, loops.dependent = kTyped;
+  loops.rank = loop_rank(trial, ws, q.data()).rank;
+  LoopProjection projection(trial);
+  Eigen::VectorXd at_rest = Eigen::VectorXd::Zero(model.nv), closed = q, there(model.nq);
+  if (!projection.close(closed.data(), at_rest.data())) return {};
+  double most = loop_rank(trial, ws, closed.data()).largest;
+  const Eigen::VectorXd unit = units_of_motion(trial, *ws.loops);
+  for (const int which : {0, 1}) {
+    Eigen::VectorXd v = some_rates(which, model.nv).cwiseProduct(unit);
+    if (!projection.close(closed.data(), v.data())) return {};
+    double fastest = 0.0;
+    for (int i = 0; i < model.nv; ++i)
+      if (unit[i] > 0.0) fastest = std::max(fastest, std::abs(v[i]) / unit[i]);
+    if (!(fastest > kImplied)) break;  // nothing is left free
+    v *= kFar / fastest;
+    model.retract(closed.data(), v.data(), there.data());
+    if (!projection.close(there.data(), at_rest.data())) return {};
+    const LoopRank rank = loop_rank(trial, ws, there.data());
+    if (rank.rank != loops.rank) return {};
+    most = std::max(most, rank.largest);
+  }
+  if (!(most <= kTyped)) return {};
+  return most;
 }
 
 std::shared_ptr<const Model> embedded_by(const Model& model, const std::vector<std::uint8_t>& by_rates) {

@@ -73,6 +73,8 @@ struct LoopFreedom {
 LoopFreedom loop_freedom(const Model& model, Workspace& workspace, const double* q, const LoopDrive* drives = nullptr);
 /// A scaled pivot below is that of a posture near a singular one: of loops in good postures they are above 0.05.
 inline constexpr double kNearSingular = 1e-3;
+/// What numbers of few digits may amount to, of the size of a loop: what a row that others imply may be open by, and its scaled pivot.
+inline constexpr double kTyped = 1e-4;
 /// What the breakdown of a row (N0601) was at q [nq] and t [s], where that is a singular posture: its pivot and the coordinates of the loop
 /// go to `failure`, with what leads there. Else nothing. Allocates.
 void tell_singular_posture(const Model& model, const soa::Breakdown& breakdown, double t, const double* q, const LoopDrive* drives,
@@ -89,7 +91,7 @@ LoopRows loop_rows(const Model& model, Workspace& workspace, const double* q, co
 std::string name_of_row(const Model& model, const Workspace& workspace, int row);
 
 /// The state nearest to (q, v), in the metric of the mass matrix, that closes the loops: motion that the loops leave free is not touched.
-/// Rows that others imply are as open as these leave them, by what numbers were typed with; up to 1e-5 of the size of their loop.
+/// Rows that others imply are as open as these leave them, by what numbers were typed with; up to kTyped of the size of their loop.
 /// q: nq, v: nv, changed in place. false: it was not reached; both are as near as it got. Keeps scratch, so make one and use it again.
 class LoopProjection {
  public:
@@ -116,8 +118,7 @@ class LoopProjection {
   const Model& model_;
   Workspace ws_;
   Eigen::VectorXd step_, next_, mu_;
-  std::vector<double> given_;         // c before anything was changed
-  std::vector<std::uint8_t> counts_;  // per row: 0 where the last elimination left it out
+  std::vector<double> given_, agreed_;  // c before anything was changed; of rows what does not contradict itself
   int worst_ = 0, weakest_ = 0;
   double pivot_ = 1.0;
   double distance_ = 0.0, rate_ = 0.0, open_ = 0.0;  // relative to the size of the loops

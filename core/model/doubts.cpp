@@ -121,6 +121,24 @@ void add_idle_devices(const Model& m, Warnings& found) {
   }
 }
 
+/// What was given leaves loops open by a few digits.
+void add_given_that_moved(const Model& m, Warnings& found) {
+  const MovedAtStart* most = nullptr;
+  const auto part = [](const MovedAtStart& x) { return std::abs(x.found - x.given) / std::max(1.0, std::abs(x.given)); };
+  int others = -1;
+  for (const MovedAtStart& x : m.loops.moved)
+    if (x.described) {
+      ++others;
+      if (!most || part(x) > part(*most)) most = &x;
+    }
+  if (most)
+    found.add(
+        Code::unusual_value, m.spec->locate("bodies." + most->name.substr(0, most->name.find('.')) + ".hinge"),
+        fmt::format("{} begins with {:.9g} {}{}: as they were given ({:.9g} {}) loops are open by more than 1e-6 of their size", most->name,
+                    most->found, most->unit, others > 0 ? fmt::format(", and {} others elsewhere", others) : "", most->given, most->unit),
+        "more digits of places, axes and `initial`, or no `initial` where it follows from that of others: it is found then");
+}
+
 }  // namespace
 
 // The nearest rates that close a loop at a body that moves fast and another that was given none make that one turn about its lever.
@@ -153,6 +171,7 @@ Warnings doubts_at_start(const Model& model, const double* q, const double* v) {
   Warnings found;
   add_passed_stops(model, q, found);
   add_idle_devices(model, found);
+  add_given_that_moved(model, found);
   found.add(fast_found_rates(model, model.loops.moved, v));
   return found;
 }

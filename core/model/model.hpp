@@ -225,6 +225,7 @@ struct Loop {
 struct MovedAtStart {
   std::string name, unit;  // "rocker.angle", "rad"
   double given, found;
+  bool described = false;  // `initial` of its hinge gives it
 };
 
 /// What closes the loops of the tree, and what scales their rows.

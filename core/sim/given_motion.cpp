@@ -13,11 +13,10 @@ namespace cardan {
 namespace {
 
 // Of closed loops, relative to their size:
-constexpr double kDrift = 10.0;       // relative tolerances that the history of an integrator may be off before it starts anew
-constexpr double kGivenOpen = 1e-6;   // what a state that was given may be open by: typed numbers have a finite number of digits
-constexpr double kTypedPivot = 1e-5;  // a scaled pivot of the start below may be what axes were typed with
-constexpr double kGivenDrift = 1e3;   // ... or so many relative tolerances
-constexpr double kGivenMoves = 1e3;   // how much more than that its coordinates may move [rad, m; of large ones relatively]
+constexpr double kDrift = 10.0;      // relative tolerances that the history of an integrator may be off before it starts anew
+constexpr double kGivenOpen = 1e-6;  // what a state that was given may be open by: typed numbers have a finite number of digits
+constexpr double kGivenDrift = 1e3;  // ... or so many relative tolerances
+constexpr double kGivenMoves = 1e3;  // how much more than that its coordinates may move [rad, m; of large ones relatively]
 
 /// Where one profile follows another: the rates differ by more than rounding in either.
 bool jumps(double before, double rate, const MotionProfile& was, const MotionProfile& is) {
@@ -193,7 +192,7 @@ void Simulation::tell_near_singular(const std::string& what) {
     if (w.what.code == Code::near_singular && w.what.at.key_path == at.key_path) return;
   warn(
       Code::near_singular, std::move(at), fmt::format("row {} of the loop {}", row - loop.first + 1, what),
-      loops_->pivot() < kTypedPivot && headway_.steps() == 0
+      headway_.steps() == 0
           ? "if other rows should imply it, more digits of places and axes: it holds what is meant to move; if not, loops that begin there "
             "may go on in another branch: see docs/errors.md"
           : "multipliers grow as the inverse of its pivot, and loops that begin there may go on in another branch: see docs/errors.md");
@@ -220,7 +219,8 @@ void Simulation::start_closed() {
     keep_broken(state_.t, state_.q.data());
     fail(explain({}));
   }
-  const double limit = std::max(kGivenOpen, kGivenDrift * options_.integrator.relative_tolerance);
+  const double typed = model_->loops.left_open ? kTyped : kGivenOpen;
+  const double limit = std::max(typed, kGivenDrift * options_.integrator.relative_tolerance);
   const double open = prescribed_.empty() && drives_.empty() ? std::max(loops_->distance(), loops_->rate() / scale) : loops_->distance();
   if (!(open <= limit)) {
     obstacle_.breakdown = {.body = 1, .value = open, .limit = limit, .row = loops_->worst()};

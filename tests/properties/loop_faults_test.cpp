@@ -73,7 +73,8 @@ TEST(Loops, AnOpenStartIsToldRowByRow) {
             "  at: loops.pivot\n"
             "  expected: initial rates that keep it closed\n"
             "  got:      pivot: row 2, along y 0.25 m/s\n"
-            "  hint:     give `initial` of the hinges rates that move both ends alike, or none: they are found then\n\n"
+            "  hint:     give `initial` of the hinges rates that move both ends alike, or none: they are found then; where other rows "
+            "should imply these, places or axes are off by more than 1e-4 of the loop\n\n"
             "1 error. Nothing was run.\n");
 }
 

@@ -2,7 +2,11 @@
 #include <fmt/format.h>
 #include <gtest/gtest.h>
 
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
 #include <nlohmann/json.hpp>
+#include <string_view>
 
 #include "tests/scripts/run_program.hpp"
 
@@ -349,11 +353,124 @@ TEST(LoopsOfAMission, WhoseRowsAreLeftOpenAreRefusedByTheTwinAndHoldWhereTheyAre
   for (const char* part : {"C0401", "vehicle.yaml:9", "loops that close but for rounding", "more digits of lengths, places and axes"})
     EXPECT_NE(refused.err.find(part), std::string::npos) << part << "\n" << refused.err;
   EXPECT_EQ(file_text(dir / "out/summary.json"), before);
-  write(dir / "vehicle.yaml", fmt::format(kAskewFourBar, "auto", kAxis + 1e-5));
+  const std::string off = fmt::format(kAskewFourBar, "auto", kAxis + 3e-3);
+  write(dir / "vehicle.yaml", off);
+  const Finished told = run_program({"check", "."}, dir.path());
+  EXPECT_EQ(told.exit_code, 2) << told.err;
+  EXPECT_NE(told.err.find("where other rows should imply these, places or axes are off by more than 1e-4 of the loop"), std::string::npos)
+      << told.err;
+  write(dir / "vehicle.yaml", std::string(off).replace(off.find("rate: 2.0"), 9, "rate: 0.0"));
   const Finished held = run_program({"run", ".", "--out", "out"}, dir.path());
   EXPECT_EQ(held.exit_code, 0) << held.err;
   for (const char* part : {"W0308", "if other rows should imply it, more digits of places and axes"})
     EXPECT_NE(held.err.find(part), std::string::npos) << part << "\n" << held.err;
+}
+
+/// A mechanism as programs for drawings have it: bodies in the axes of the world as it stands there, hinges at points and about axes, all
+/// printed with so many decimals; askew and away from the origin, so that no number is short.
+struct Drawn {
+  struct Part {
+    const char *name, *on;
+    Eigen::Vector3d point, axis;
+  };
+  std::vector<Part> parts;
+  struct Join {
+    const char *name, *from, *to;
+    Eigen::Vector3d point, axis;
+  };
+  std::vector<Join> joins;
+
+  std::string printed(int decimals, bool given) const {
+    const Eigen::Matrix3d R = Eigen::Quaterniond(0.7, 0.3, -0.5, 0.4).normalized().toRotationMatrix();
+    const auto text = [&](const Eigen::Vector3d& x) {
+      return fmt::format("[{:.{}f}, {:.{}f}, {:.{}f}]", x.x(), decimals, x.y(), decimals, x.z(), decimals);
+    };
+    const auto place = [&](const Eigen::Vector3d& x) -> Eigen::Vector3d { return R * x + Eigen::Vector3d(0.13, -0.21, 0.17); };
+    const auto is_world = [](const char* name) { return std::string_view(name) == "world"; };
+    const auto node = [&](const char* body, const Eigen::Vector3d& point) {
+      if (is_world(body)) return fmt::format("{{body: world, position: {}}}", text(place(point)));
+      const Part& part = *std::ranges::find_if(parts, [&](const Part& p) { return std::string_view(p.name) == body; });
+      return fmt::format("{{body: {}, position: {}}}", body, text(R * (point - part.point)));
+    };
+    std::string out = "cardan: 1\ngravity: {uniform: [1, -2, -9]}\nbodies:\n";
+    double mass = 0.9;
+    for (const Part& p : parts) {
+      const bool driven = &p == parts.data();
+      out += fmt::format("  {}: {{mass: {}, com: {}, inertia: [0.02, 0.021, 0.019], hinge: {{type: revolute, to: {}, axis: {}{}}}}}\n",
+                         p.name, mass, text(R * Eigen::Vector3d(0.06, 0.05 * mass, -0.04)), node(p.on, p.point), text(R * p.axis),
+                         given    ? (driven ? ", initial: {angle: 0, rate: 1}" : ", initial: {angle: 0}")
+                         : driven ? ", initial: {rate: 1}"
+                                  : "");
+      mass += 0.35;
+    }
+    out += "loops:\n";
+    for (const Join& j : joins)
+      out += fmt::format("  {}: {{type: revolute, from: {}, to: {}, axis: {}}}\n", j.name, node(j.from, j.point), node(j.to, j.point),
+                         text(R * j.axis));
+    return out;
+  }
+};
+
+/// Where the fourth pin of a four-bar is: b from P, c from D.
+Eigen::Vector2d fourth(const Eigen::Vector2d& P, const Eigen::Vector2d& D, double b, double c) {
+  const Eigen::Vector2d way = D - P;
+  const double l = way.norm(), along = (b * b - c * c + l * l) / (2.0 * l);
+  return P + along / l * way + std::sqrt(b * b - along * along) / l * Eigen::Vector2d(-way.y(), way.x());
+}
+
+// Drawings with micrometres, and with hundredths of millimetres: a four-bar, a door on three hinges, a plate on three parallel legs, axes
+// through one point, each with more rows than hold it. What moves is that of all digits within some of the last; with `initial` of all
+// hinges, which leaves loops open by as much, and without.
+TEST(LoopsOfAMission, AsDrawingsHaveThemMoveAsWithAllDigits) {
+  const Eigen::Vector3d z(0, 0, 1);
+  const Eigen::Vector2d P(0.2 * std::cos(1.0), 0.2 * std::sin(1.0)), E = fourth(P, {0.5, 0}, 0.45, 0.4), leg(0.0887, 0.2866);
+  const auto at = [](const Eigen::Vector2d& p, double height) { return Eigen::Vector3d(p.x(), p.y(), height); };
+  const Eigen::Vector3d a(0, 0, 1), b = Eigen::Vector3d(0.5, 0.1, 1).normalized(), c = Eigen::Vector3d(0.7, 0.8, 0.9).normalized(),
+                                    d = Eigen::Vector3d(-0.2, 0.9, 1).normalized();
+  const Drawn drawn[] = {
+      {{{"crank", "world", {0, 0, 0.03}, z}, {"coupler", "crank", at(P, -0.07), z}, {"rocker", "world", {0.5, 0, 0.05}, z}},
+       {{"close", "coupler", "rocker", at(E, 0.02), z}}},
+      {{{"crank", "world", {0, 0, 0}, z}}, {{"middle", "world", "crank", {0, 0, 0.9}, z}, {"above", "world", "crank", {0, 0, 1.8}, z}}},
+      {{{"crank", "world", {0, 0, 0.03}, z},
+        {"second", "world", {0.5, 0, -0.02}, z},
+        {"third", "world", {1.1, 0.5, 0.04}, z},
+        {"plate", "crank", at(leg, 0.01), z}},
+       {{"two", "second", "plate", at(leg + Eigen::Vector2d(0.5, 0), 0.06), z},
+        {"three", "third", "plate", at(leg + Eigen::Vector2d(1.1, 0.5), -0.03), z}}},
+      {{{"crank", "world", 0.3 * a, a}, {"first", "crank", 0.35 * b, b}, {"next", "first", 0.3 * c, c}},
+       {{"close", "next", "world", 0.4 * d, d}}},
+  };
+  for (const Drawn& mechanism : drawn) {
+    std::string err;
+    const auto run = [&](int decimals, bool given) {
+      return run_with(mechanism.printed(decimals, given), "0.4", "sat:hinge('crank'):angle()", err);
+    };
+    const double exact = run(15, true);
+    EXPECT_EQ(err, "");
+    for (const int decimals : {10, 8, 7, 6, 5})
+      for (const bool given : {true, false}) {
+        EXPECT_NEAR(run(decimals, given), exact, 20.0 * std::pow(10.0, -decimals)) << decimals << "\n"
+                                                                                   << mechanism.printed(decimals, given);
+        EXPECT_NE(err.find("W0302"), std::string::npos) << err;
+        EXPECT_EQ(err.find("W0308"), std::string::npos) << err;
+      }
+  }
+}
+
+// A row that only what is heavy could break, beside one of what is light by ten decades, is a row.
+TEST(LoopsOfAMission, HoldWhatIsHeavyBesideWhatIsLight) {
+  std::string err;
+  EXPECT_NEAR(run_with(R"yaml(
+cardan: 1
+gravity: {uniform: [3, -9, 0]}
+bodies:
+  heavy: {mass: 100, inertia: [1, 1, 1], hinge: {type: prismatic, axis: [0, 1, 0], to: world}}
+  light: {mass: 1e-8, inertia: [1e-9, 1e-9, 1e-9], hinge: {type: prismatic, axis: [1, 0, 0], to: heavy}}
+loops:
+  close: {type: point, from: light, to: world}
+)yaml",
+                       "0.5", "sat:hinge('heavy'):rate()", err),
+              0.0, 1e-12);
 }
 
 }  // namespace
