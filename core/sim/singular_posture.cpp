@@ -46,7 +46,6 @@ void Simulation::Trail::add(double t, double pivot, const std::vector<double>& x
 // test would make the steps ever smaller, down to where rounding alone parts the branches from each other. So the integrator is not asked:
 // to as far on the other side x' is a polynomial through its last states and the one there, all of them away from the posture.
 void Simulation::pass_singular_posture(double t_stop) {
-  if (options_.integrator.method == "extended") return;  // it has digits enough to pass by itself
   if (trail_.n < 3 || !(trail_.all[0].pivot < kNear)) return;
   const double t = state_.t, pivot = trail_.all[0].pivot, falls = (trail_.all[1].pivot - pivot) / (t - trail_.all[1].t);
   if (!(falls > 0.0) || !(t < t_stop)) return;

@@ -118,6 +118,10 @@ void Simulation::step(double t_stop) {
   headway_.step();
   if (!thrown_.empty()) fail(explain({}));
   expect_finite(x_);
+  if (loops_ && options_.integrator.method == "extended") {  // projects nothing: for the pivot alone
+    std::vector<double> x = x_;
+    project(report.t, x.data());
+  }
   const double pivot = loops_ ? loops_->pivot() : 1.0;
   if (schedule_.time() < report.t) look_inside(report.t);
   stretch_ = std::numeric_limits<double>::infinity();
