@@ -317,8 +317,14 @@ bool close_loops(const Model& model, Workspace& ws, const Inputs& in, double* vd
     const double* U = work.U.data() + static_cast<std::ptrdiff_t>(p) * model.nv;
     for (int i = 0; i < model.nv; ++i) vdot[i] += mu * U[i];
   }
+  // Rows imply each other where loops are closed, and c'' of one that is left out where their rates are: trial states are off both.
+  double drifting = 0.0;
+  for (const Loop& loop : model.loops.all)
+    for (int i = loop.first; i < loop.first + loop.rows && loop.turns(); ++i)
+      drifting = std::max(
+          drifting, work.scale[static_cast<std::size_t>(i)] * std::abs(work.rate[static_cast<std::size_t>(i)]) / std::sqrt(loop.lever));
   const double typed = model.loops.left_open ? 1e3 * model.loops.dependent : 0.0;
-  const double limit = (kContradiction + 1e3 * pass.open() + typed) * size;
+  const double limit = (kContradiction + 1e3 * pass.open() + typed) * size + 1e3 * drifting * std::sqrt(size);
   for (std::size_t i = static_cast<std::size_t>(work.rank); i < work.row_at.size(); ++i) {
     const int row = work.row_at[i];
     const auto at = static_cast<std::size_t>(row);
