@@ -66,7 +66,7 @@ Diagnostic FlexibleLimits::rate_warning(const Body& b, double rate, bool before)
       {},
       {},
       "rates below a tenth of the first frequency leave less than 1 % of the stiffness out; stiffening is in level 2 of lumped masses with "
-      "second-order shapes Q alone",
+      "second-order shapes Q alone; a shaft that turns about its own length has none, and all else of that order is in level 2",
       {},
       fmt::format("{} {} {:.3g} rad/s{}, {:.2g} times its first frequency of {:.4g} Hz ({:.3g} rad/s): level {} has no centrifugal "
                   "stiffening, of the order of (Omega/omega_1)^2 = {:.2g} times the stiffness of that mode",
