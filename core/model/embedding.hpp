@@ -77,6 +77,7 @@ struct EmbeddedLoop {
   bool deforms = false;          // some mode is a column
   bool chosen = false;           // by multipliers: loops closed before imply rows of it, and which count was chosen at the start
   std::vector<int> kept;         // these
+  bool implied = false;          // by rates: rows of some loop are implied by other loops, and may count in place of weak ones
   std::vector<Column> columns;   // own ones first
   std::vector<Taken> taken;
   // Where its numbers begin:

@@ -70,6 +70,7 @@ class Order {
           push(c);
         e_.loops.push_back(std::move(c));
       }
+    for (EmbeddedLoop& c : e_.loops) c.implied = implied_ && c.by_rates;
     return std::move(owner_);
   }
 
@@ -116,10 +117,13 @@ class Order {
     c.after_modes = ways_.meets[at(l)];
     std::vector<int> kept;
     c.rows = loop.rows, c.rank = ranks_.take(loop.first, loop.rows, &kept);
-    if (!c.by_rates) {
-      const auto begin = ways_.rows.begin() + loop.first * m.nv;
-      Ranks alone({begin, begin + loop.rows * m.nv}, loop.rows, m.nv, m.loops.dependent);
-      if (alone.take(0, loop.rows) > c.rank) c.kept = std::move(kept), c.chosen = e_.chosen = true;
+    const auto begin = ways_.rows.begin() + loop.first * m.nv;
+    Ranks alone({begin, begin + loop.rows * m.nv}, loop.rows, m.nv, m.loops.dependent);
+    if (alone.take(0, loop.rows) > c.rank) {
+      if (c.by_rates)
+        implied_ = true;
+      else
+        c.kept = std::move(kept), c.chosen = e_.chosen = true;
     }
     if (loop.closing == Closing::coupling)
       find_coupled(c);
@@ -273,6 +277,7 @@ class Order {
   const ByRates& by_rates_;
   Embedding& e_;
   Ranks ranks_;
+  bool implied_ = false;
   std::vector<std::uint8_t> done_;  // per loop
   std::vector<int> owner_;          // per body
   std::vector<int> by_, column_;    // per rate: in whose coordinates it is expressed last, and which column of that it is

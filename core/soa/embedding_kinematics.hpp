@@ -15,6 +15,7 @@
 namespace cardan::soa {
 
 static constexpr double kNoPivot = 1e-10;      // of scaled rows (docs/mathematics/loops.md, 2)
+static constexpr double kWeakPivot = 1e-2;     // where another loop may have a better one: over the open tree rows of all are looked at
 static constexpr double kOpenRows = 10.0;      // ... of rows that imply each other on closed loops: also below so much of the residual
 static constexpr double kMostOpenRows = 1e-4;  // ... but not more
 /// Rows of multipliers that have less than this of their compliance by the inertia of the start beside the rows before them lose as many
@@ -501,7 +502,7 @@ static bool find_pivots(const EmbeddedLoop& c, EmbeddingWork& k, int columns, in
       if (most > std::fmax(kNoPivot, std::fmin(kOpenRows * open, kMostOpenRows))) return false;
       break;
     }
-    if (!(most > kNoPivot)) return false;
+    if (!(most > (c.implied ? kWeakPivot : kNoPivot))) return false;
     const int i0 = row_at[row];
     if (most < smallest) smallest = most, weakest = c.first + i0;
     row_at[row] = row_at[p], row_at[p] = i0;
