@@ -89,7 +89,7 @@ std::string exact_text(lua_State* L) {
 /// { ["bodies.tank.mass"] = "3 kg", ["bodies.tank.com"] = {0, 0, 0.1} } at `index`: numbers in SI. In the order of the keys, whatever the
 /// table's.
 std::map<std::string, std::string> vehicle_values(lua_State* L, int index, const char* whose) {
-  const auto wrong = [&](const char* expected = "key paths of the vehicle with a text, a number, an array of numbers, true or false each") {
+  const auto wrong = [&](const char* expected = "key paths of the vehicle with a text, a number, an array of these, true or false each") {
     refuse(L, Code::lua_argument, whose, expected, describe_value(L, -1), "{ [\"bodies.tank.mass\"] = \"3 kg\" }");
   };
   std::map<std::string, std::string> out;
@@ -98,10 +98,8 @@ std::map<std::string, std::string> vehicle_values(lua_State* L, int index, const
   const int table = lua_gettop(L);
   for (lua_pushnil(L); lua_next(L, table) != 0; lua_settop(L, table + 1)) {
     if (lua_type(L, -2) != LUA_TSTRING) wrong();
-    const std::string key = lua_tostring(L, -2);
-    if (vehicle_path(key).empty())
-      refuse(L, Code::unknown_name, whose, "a key path that begins with bodies., gravity., devices., fields. or loops.", in_quotes(key));
-    std::string& value = out[std::string(vehicle_path(key))];
+    const std::string_view key = lua_tostring(L, -2), path = vehicle_path(key);
+    std::string& value = out[std::string(path.empty() ? key : path)];  // any key of the file: there are no parameters here
     if (lua_type(L, -1) == LUA_TSTRING || lua_type(L, -1) == LUA_TNUMBER) {
       value = exact_text(L);
     } else if (lua_isboolean(L, -1)) {
@@ -109,8 +107,14 @@ std::map<std::string, std::string> vehicle_values(lua_State* L, int index, const
     } else if (lua_istable(L, -1) && lua_rawlen(L, -1) > 0 && count_keys(L, -1) == lua_rawlen(L, -1)) {
       const int list = lua_gettop(L);
       for (lua_Integer i = 1; i <= static_cast<lua_Integer>(lua_rawlen(L, list)); ++i, lua_settop(L, list)) {
-        if (lua_rawgeti(L, list, i) != LUA_TNUMBER) wrong();
-        value += (i == 1 ? "[" : ", ") + exact_text(L);
+        const int type = lua_rawgeti(L, list, i);
+        if (type != LUA_TNUMBER && type != LUA_TSTRING) wrong();
+        std::string entry = exact_text(L);
+        if (type == LUA_TSTRING) {  // in the quotes of YAML, in which only they are written twice
+          for (std::size_t at = 0; (at = entry.find('\'', at)) != std::string::npos; at += 2) entry.insert(at, 1, '\'');
+          entry = '\'' + entry + '\'';
+        }
+        value += (i == 1 ? "[" : ", ") + entry;
       }
       value += "]";
     } else {

@@ -332,12 +332,23 @@ void ScriptDevice::expect_pure() {
       refuse(Code::lua_argument, at_, "functions that give the same for the same arguments and keep nothing",
              fmt::format("a variable that changes in a call: {}, then {}", before[i], after[i]),
              "numbers that a tick sets are declared: memory = {...}; rates of continuous ones: states = {...}");
-  if (!violations.empty() || before.size() != after.size())
-    refuse(Code::lua_argument, at_, "a device that obeys the laws of its kind",
-           violations.empty() ? "variables that come and go" : violations.front(),
-           !violations.empty() && violations.front().find("function of its arguments") == std::string::npos
+  if (!violations.empty() || before.size() != after.size()) {
+    const std::string broken = violations.empty() ? "variables that come and go" : violations.front();
+    const bool varies = violations.empty() || broken.find("function of its arguments") != std::string::npos;
+    Located at = at_;
+    for (const auto& [name, function] : {std::pair{"evaluate", &d_.evaluate}, {"tick", &d_.tick}})
+      if (broken.starts_with(name) && *function)
+        lua_.protect([&](lua_State* L) {
+          function->push(L);
+          at = {fmt::format("device {}.{}", d_.type, name), lua_.definition(L, -1)};
+        });
+    refuse(Code::lua_argument, std::move(at), "a device that obeys the laws of its kind", broken,
+           varies ? "the same arguments give the same numbers: no memory, no random numbers, no clock"
+           : broken.find("finite") == std::string::npos
                ? "it is tried with numbers of order one"
-               : "the same arguments give the same numbers: no memory, no random numbers, no clock");
+               : "it is tried with numbers of order one, wherever the vehicle will be: bound what is divided by, or taken a root or a "
+                 "power of, as in (L / math.max(L - q, 1e-6 * L))^n");
+  }
   calls_ = 0, seconds_ = 0.0;
   tried_ = true;
 }

@@ -261,6 +261,39 @@ double run_with(const std::string& vehicle, const char* duration, const char* va
   return done.exit_code == 0 ? nlohmann::json::parse(file_text(dir / "out/summary.json"))["checks"][0]["value"].get<double>() : 0.0;
 }
 
+/// Of a vehicle file every key may be given by the script, as by --set: `loop_form` and `assembly` as what is below `bodies`.
+TEST(LoopsOfAMission, AreClosedAsTheScriptAsks) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", R"(cardan: 1
+bodies:
+  crank: {mass: 1, inertia: [1, 1, 1], nodes: {pin: {position: [0.2, 0, 0]}}, hinge: {type: revolute, axis: [0, 0, 1], to: world, initial: {angle: 1.0}}}
+  coupler: {mass: 1, inertia: [1, 1, 1], nodes: {pin: {position: [0.45, 0, 0]}}, hinge: {type: revolute, axis: [0, 0, 1], to: crank.pin}}
+  rocker: {mass: 1, inertia: [1, 1, 1], nodes: {pin: {position: [0.4, 0, 0]}}, hinge: {type: revolute, axis: [0, 0, 1], to: {body: world, position: [0.5, 0, 0]}, initial: {angle: 1.5861694896029515}}}
+loops:
+  close: {type: revolute, from: coupler.pin, to: rocker.pin, axis: [0, 0, 1]}
+)");
+  const auto described = [&](const std::string& values) {
+    write(dir / "scenario.lua", "vehicle('vehicle.yaml', " + values + ") mission { duration = 1 }");
+    const Finished run = run_program({"describe", ".", "--json"}, dir.path());
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    return nlohmann::json::parse(run.out);
+  };
+  for (const char* form : {"multipliers", "embedding"})
+    EXPECT_EQ(described(fmt::format("{{ loop_form = '{}' }}", form))["loops"]["form"], form);
+  EXPECT_EQ(described("{ name = \"a crank's own\", ['gravity.uniform'] = { 0, '-9.81 m/s^2', 0 } }")["vehicle"], "a crank's own");
+  // Which hinge stays: the other one of the two is moved.
+  for (const auto& [held, moved] : {std::pair("crank", "rocker"), std::pair("rocker", "crank")}) {
+    const auto moves =
+        described(fmt::format("{{ ['assembly.hold'] = {{ '{}' }}, ['bodies.crank.hinge.initial.angle'] = 1.02 }}", held))["loops"]["moved"];
+    EXPECT_EQ(std::ranges::count_if(moves, [&](const auto& m) { return m["name"] == std::string(moved) + ".angle"; }), 1) << moves;
+    EXPECT_EQ(std::ranges::count_if(moves, [&](const auto& m) { return m["name"] == std::string(held) + ".angle"; }), 0) << moves;
+  }
+  write(dir / "scenario.lua", "vehicle('vehicle.yaml', { loop_frm = 'embedding' }) mission { duration = 1 }");
+  const Finished wrong = run_program({"check", "."}, dir.path());
+  EXPECT_EQ(wrong.exit_code, 2);
+  EXPECT_TRUE(has(wrong.err, "error[C0104]") && has(wrong.err, "scenario.lua:1") && has(wrong.err, "loop_form")) << wrong.err;
+}
+
 /// Closed as it is given, for all digits of the axis of its rocker: a form, and the last number of that axis.
 constexpr double kAxis = 0.8931005991147437;
 constexpr const char* kAskewFourBar = R"yaml(
