@@ -10,8 +10,6 @@
 #include <system_error>
 #include <thread>
 
-#include "core/base/diagnostic.hpp"
-
 namespace cardan {
 namespace {
 
@@ -86,7 +84,8 @@ void write_whole_file(const fs::path& file, std::string_view text) {
   if (good && !in_place && std::rename(before.c_str(), file.c_str()) != 0) good = false, why = error_text();
   if (good) return;
   if (!in_place) std::remove(before.c_str());
-  cannot_write(file, "a file that can be written", why, "is the folder there, and is there space?");
+  throw WriteError(
+      Diagnostic{Code::cannot_write, {{}, {file.string()}}, "a file that can be written", why, "is the folder there, and is there space?"});
 }
 
 void expect_another_file(const fs::path& result, const fs::path& source) {

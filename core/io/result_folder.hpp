@@ -5,7 +5,15 @@
 #include <string_view>
 #include <vector>
 
+#include "core/base/diagnostic.hpp"
+
 namespace cardan {
+
+/// What was to be written is there, and the disk or the rights do not let it (exit code 4).
+class WriteError : public InputError {
+ public:
+  using InputError::InputError;
+};
 
 /// A folder that this process alone writes results to: made where there is none, and held by a lock that ends with the object or, however
 /// that ends, with the process.
@@ -32,7 +40,7 @@ class ResultFolder {
 std::filesystem::path name_before(const std::filesystem::path& file);
 
 /// Puts `text` in place of what is at `file`: it is written beside it and takes its name when it is whole, so that nobody sees a part of
-/// it and a failure leaves what was there; a device or a pipe is written to as it is. Throws InputError C0701.
+/// it and a failure leaves what was there; a device or a pipe is written to as it is. Throws WriteError C0701.
 void write_whole_file(const std::filesystem::path& file, std::string_view text);
 
 /// Throws InputError C0701 where a result would take the place of the file that it is made from.

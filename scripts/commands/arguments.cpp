@@ -11,6 +11,7 @@
 #include "core/base/activity.hpp"
 #include "core/base/units.hpp"
 #include "core/io/json.hpp"
+#include "core/io/result_folder.hpp"
 #include "core/io/yaml_reader.hpp"
 #include "scripts/commands/commands.hpp"
 #include "scripts/commands/streams.hpp"
@@ -99,6 +100,7 @@ int report_error(const std::exception& error, bool as_json, int wrong_input) {
       complain(text);
     return code;
   };
+  if (const auto* unwritten = dynamic_cast<const WriteError*>(&error)) return report_unwritten(unwritten->diagnostics(), as_json);
   if (const auto* input = dynamic_cast<const InputError*>(&error)) {
     Json all = Json::array();
     for (const Diagnostic& d : input->diagnostics()) all.push_back(to_json(d));
@@ -122,7 +124,16 @@ int report_error(const std::exception& error, bool as_json, int wrong_input) {
       Json::array({{{"title", "internal error"}, {"what", error.what()}}}));
 }
 
+void write_result(const std::filesystem::path& file, std::string_view text, std::vector<Diagnostic>& unwritten) {
+  try {
+    write_whole_file(file, text);
+  } catch (const WriteError& e) {
+    unwritten.push_back(e.diagnostics().front());
+  }
+}
+
 int report_unwritten(std::vector<Diagnostic> unwritten, bool as_json, int code) {
+  if (code == 0 && !unwritten.empty()) code = kNotWritten;
   if (as_json && !unwritten.empty()) return report_error(InputError(std::move(unwritten)), true, code);
   for (const Diagnostic& d : unwritten) complain(render(d) + "\n");
   return code;

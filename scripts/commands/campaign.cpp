@@ -86,12 +86,14 @@ int campaign(const CampaignArguments& a, bool as_json) {
   options.seed = c.first;
   if (c.first > std::numeric_limits<std::uint64_t>::max() - c.runs)
     refuse(Code::command_line, {"--seed"}, fmt::format("a first seed that leaves room for {} more", c.runs), a.scenario.seed);
+  if (a.until && !(*a.until > 0.0)) refuse(Code::command_line, {"--until"}, "a finite time > 0 s", fmt::format("{:g}", *a.until));
+  options.until = a.until;
   const std::string until = a.until ? fmt::format("{}", *a.until) : "";
   c.words = words_of_run(a, options.settings, until);
   options.print = [](std::string_view) {};
   const auto scenario = open_scenario(options);  // what is wrong with it is told here, before any run
   scenario->sim->vdot();
-  const BandRequest request = request_of(a.plots, scenario->mission, a.until.value_or(scenario->mission.duration));
+  const BandRequest request = request_of(a.plots, scenario->mission, scenario->end());
   if (a.lean && !a.plots.empty())
     refuse(Code::command_line, {"--plot"}, "the run.h5 of all runs", "--lean, which keeps none of runs that pass");
   expect_channels(request, channels_of(mission_outputs(*scenario)));
@@ -147,19 +149,14 @@ int campaign(const CampaignArguments& a, bool as_json) {
     for (const auto& [name, text] : {std::pair{kJson, json_text_with_nulls(all)},
                                      {kTable, campaign_csv(runs, quantities)},
                                      {kPage, page::filled("Campaign: " + title, all, page::campaign())}})
-      try {
-        write_whole_file(out / name, text);
-      } catch (const InputError& e) {
-        unwritten.push_back(e.diagnostics().front());
-      }
+      write_result(out / name, text, unwritten);
   } catch (const InputError& e) {  // the place of one: the runs are done
     unwritten.push_back(e.diagnostics().front());
   }
   say(campaign_text(runs, quantities, bands));
   say(fmt::format("{}\n", (c.out / kPage).string()));
   const bool passed = std::ranges::all_of(runs, [](const CampaignRun& run) { return run.verdict == "passed"; });
-  const int code = !passed ? 1 : unwritten.empty() ? 0 : kNotWritten;
-  return report_unwritten(std::move(unwritten), as_json, code);
+  return report_unwritten(std::move(unwritten), as_json, passed ? 0 : 1);
 }
 
 }  // namespace

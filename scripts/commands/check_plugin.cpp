@@ -132,11 +132,11 @@ std::string text_of(const Json& page) {
   return text + fmt::format("\nverdict          {}\n", page["obeys"].get<bool>() ? "every law that was tried holds" : "FAIL");
 }
 
-void write_examination(const Arguments& a, const Examination& e) {
+void write_examination(const Arguments& a, const Examination& e, std::vector<Diagnostic>& unwritten) {
   if (a.out.empty() && !a.json) return;
   const Json page = report(a, e);
   if (a.json) fmt::print("{}", json_text_with_nulls(page));
-  if (!a.out.empty()) write_whole_file(a.out, a.out.ends_with(".json") ? json_text_with_nulls(page) : text_of(page));
+  if (!a.out.empty()) write_result(a.out, a.out.ends_with(".json") ? json_text_with_nulls(page) : text_of(page), unwritten);
 }
 
 /// The table of types refuses what is taken, by a type of the program or by one of the same plugin: told here and not by the first run.
@@ -154,15 +154,16 @@ void expect_free_types(const std::string& plugin, std::vector<PluginFamily>& fam
   }
 }
 
-int check_plugin(const Arguments& a) {
+int check_plugin(const Arguments& a, bool as_json) {
   Examination e;
+  std::vector<Diagnostic> unwritten;
   try {
     e.families = examine_plugin(a.plugin, a.samples, a.seed, e.record);
   } catch (const InputError& error) {
     std::error_code none;
     const Diagnostic& why = error.diagnostics().front();
     e.refused = fmt::format("{}: expected {}, got {}", number_of(why.code), why.expected, why.got);
-    if (std::filesystem::is_regular_file(a.plugin, none)) write_examination(a, e);
+    if (std::filesystem::is_regular_file(a.plugin, none)) write_examination(a, e, unwritten);
     throw;
   }
   expect_free_types(a.plugin, e.families);
@@ -173,8 +174,8 @@ int check_plugin(const Arguments& a) {
     for (std::size_t i = 0; i < std::min(f.violations.size(), kMost); ++i) fmt::print("      {}\n", f.violations[i]);
     if (f.violations.size() > kMost) fmt::print("      and {} more\n", f.violations.size() - kMost);
   }
-  write_examination(a, e);
-  return e.good() ? 0 : 1;
+  write_examination(a, e, unwritten);
+  return report_unwritten(std::move(unwritten), as_json, e.good() ? 0 : 1);
 }
 
 }  // namespace
@@ -195,7 +196,7 @@ void add_check_plugin(CommandLine& line) {
   command.flag("--json", a->json, "The report as JSON on standard output");
   command.option("--seed", a->seed, "Of the random samples; default 1").type_name("NUMBER");
   command.option("--samples", a->samples, "Of each law; default 1000").type_name("NUMBER").between(1, 1000000);
-  command.action([a] { return check_plugin(*a); });
+  command.action([a, &line] { return check_plugin(*a, line.json_errors()); });
 }
 
 }  // namespace cardan

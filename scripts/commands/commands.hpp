@@ -53,8 +53,10 @@ inline constexpr int kNotWritten = 4;  // exit code: done, but a result or the t
 /// The exit code of a run that ends with this error (`wrong_input` for an InputError); what the user reads goes to standard
 /// error.
 int report_error(const std::exception& error, bool as_json, int wrong_input = 2);
-/// Tells what could not be written of that which a command has done, and returns its exit code.
-int report_unwritten(std::vector<Diagnostic> unwritten, bool as_json, int code = kNotWritten);
+/// Writes one of the results of a command; what keeps it from being written joins `unwritten`, and the others are written all the same.
+void write_result(const std::filesystem::path& file, std::string_view text, std::vector<Diagnostic>& unwritten);
+/// Tells what could not be written of that which a command has done, and returns its exit code: `code`, and kNotWritten in place of 0.
+int report_unwritten(std::vector<Diagnostic> unwritten, bool as_json, int code = 0);
 
 /// Every code of errors and warnings, in the order of error_codes.inc.
 inline constexpr Code kAllCodes[] = {

@@ -7,6 +7,7 @@
 
 #include "core/base/version.hpp"
 #include "core/io/result_folder.hpp"
+#include "scripts/commands/commands.hpp"
 #include "scripts/commands/streams.hpp"
 #include "scripts/regress/tables.hpp"
 
@@ -88,13 +89,15 @@ int compare(Comparison c) {
     if (!first.sweeps.empty() && !second.sweeps.empty() && first.sweeps != second.sweeps)
       say(fmt::format("the instruction sets differ: {} and {}\n", first.sweeps, second.sweeps));
   }
-  if (!c.json.empty()) write_whole_file(c.json, json_text_with_nulls(difference_json(d, c.first, c.second, pass)));
+  std::vector<Diagnostic> unwritten;
+  if (!c.json.empty()) write_result(c.json, json_text_with_nulls(difference_json(d, c.first, c.second, pass)), unwritten);
   if (!c.page.empty()) {
-    write_whole_file(c.page, differences_page("Two runs", {c.first, c.second}, "first", "second", {case_of(d, first, second, pass)}));
+    const auto drawn = case_of(d, first, second, pass);
+    write_result(c.page, differences_page("Two runs", {c.first, c.second}, "first", "second", {drawn}), unwritten);
     say(c.page + "\n");
   }
   say(pass ? "the same\n" : "different\n");
-  return pass ? 0 : 1;
+  return report_unwritten(std::move(unwritten), c.as_json, pass ? 0 : 1);
 }
 
 }  // namespace cardan

@@ -17,8 +17,10 @@ struct Comparison {
   bool at_common_times = false;
   std::string page, json;  // files to write; empty: none
   bool quiet = false;      // the verdict alone
+  bool as_json = false;    // errors
 };
-/// Compares, tells the differences on standard output, and returns the exit code: 0 the same, 1 different.
+/// Compares, tells the differences on standard output, and returns the exit code: 0 the same, 1 different, 4 the same, and a file could not
+/// be written.
 int compare(Comparison comparison);
 
 }  // namespace cardan

@@ -24,7 +24,8 @@ void add_diff(CommandLine& line) {
   command.flag("--common-times", c->at_common_times, "Times that one of them alone has make no difference");
   command.option("--page", c->page, "A page that draws over each other what differs").type_name("PAGE");
   command.option("--json", c->json, "The differences as data, in this file").type_name("FILE");
-  command.action([c] {
+  command.action([c, &line] {
+    c->as_json = line.json_errors();
     if (!(c->relative >= 0.0 && c->relative < 1.0))
       refuse(Code::command_line, {"--relative"}, "a number from 0 to 1: 1e-9", fmt::format("{}", c->relative));
     if (!(c->absolute >= 0.0 && std::isfinite(c->absolute)))

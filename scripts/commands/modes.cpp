@@ -19,6 +19,25 @@ struct ModesArguments {
   std::string body, out;
 };
 
+/// Beside what is at `out`, whose name it takes when it is whole.
+void write_in_place(const std::filesystem::path& out, const ModalData& modes) {
+  const std::filesystem::path before = name_before(out);
+  std::string why;
+  std::error_code error;
+  try {
+    write_modal_file(before, modes);
+    std::filesystem::rename(before, out, error);
+    if (!error) return;
+    why = error.message();
+  } catch (const InputError& e) {
+    why = e.diagnostics().front().got;
+  } catch (const NumericsError& e) {  // of HDF5
+    why = e.failure().what;
+  }
+  std::filesystem::remove(before, error);
+  throw WriteError(Diagnostic{Code::cannot_write, {{}, {out.string()}}, "a file that can be written", why});
+}
+
 int write_modes(const ModesArguments& a) {
   const ScenarioOptions options = a.scenario.options();
   const std::string ending = options.file.extension().string();
@@ -39,7 +58,7 @@ int write_modes(const ModesArguments& a) {
   if (std::filesystem::exists(out, ignored) && !std::filesystem::is_regular_file(out, ignored))
     refuse(Code::cannot_write, {"", {out}}, "a file", "a folder, a pipe or a device", "--out chooses another");
   expect_another_file(out, options.file);
-  write_modal_file(out, *modes);
+  write_in_place(out, *modes);
   fmt::print("{}\n{} modes, {:.6g} kg, {} nodes, {} mass nodes\n", modes->source, modes->n_modes, modes->integrals.I1, modes->nodes.size(),
              modes->mass_nodes.size());
   for (int k = 0; k < modes->n_modes; ++k)

@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "core/base/units.hpp"
+#include "core/io/result_folder.hpp"
 #include "scripts/commands/commands.hpp"
 #include "scripts/commands/templates.hpp"
 
@@ -47,7 +48,7 @@ int new_project(const std::string& kind, const std::string& type, std::string fo
   if (!top.has_filename()) top = top.parent_path();  // "here/"
   if (fs::create_directories(top.parent_path(), error); !error && !fs::create_directory(top, error) && !error)
     refuse(Code::cannot_write, {{}, {folder}}, "a folder that is not there yet", "one that is", "--out OTHER_FOLDER");
-  if (error) refuse(Code::cannot_write, {{}, {folder}}, "a folder that can be made", error.message());
+  if (error) throw WriteError(Diagnostic{Code::cannot_write, {{}, {folder}}, "a folder that can be made", error.message()});
   const std::map<std::string, std::string> values{{"@KIND@", kind}, {"@NAME@", name}, {"@TYPE@", prefix + "/" + name}};
   for (const auto& [path, text] : project_templates()) {
     const auto end = path.find('/');
@@ -57,7 +58,7 @@ int new_project(const std::string& kind, const std::string& type, std::string fo
     if (std::ofstream out(file); !(out << filled(text, values) << std::flush)) {
       const std::string why = std::strerror(errno);
       fs::remove_all(top, error);  // no half of a project
-      refuse(Code::cannot_write, {{}, {file.string()}}, "a file that can be written", why);
+      throw WriteError(Diagnostic{Code::cannot_write, {{}, {file.string()}}, "a file that can be written", why});
     }
   }
   fmt::print("{}: a plugin with the {} {}. Next:\n\n  cd {}\n  cmake -B build && cmake --build build && ctest --test-dir build\n", folder,

@@ -263,6 +263,7 @@ int precision(const PrecisionArguments& a, bool as_json) {
 
   ScenarioOptions options = a.scenario.options();
   options.print = [](std::string_view) {};  // it is said in each run
+  options.until = a.until;
   PrecisionOrder order;
   PrecisionStudy study;
   std::vector<Formulation> formulations;
@@ -293,7 +294,7 @@ int precision(const PrecisionArguments& a, bool as_json) {
     const bool needs_steps = std::ranges::any_of(methods, [](const PrecisionSetting& m) { return !m.adaptive; });
     if (steps.empty() && needs_steps) {
       const Rational& p = s->mission.output_period;
-      steps = usual_steps(fastest_motion(s->model, s->sim->state().q.data()).rate, p.value(), a.until.value_or(s->mission.duration));
+      steps = usual_steps(fastest_motion(s->model, s->sim->state().q.data()).rate, p.value(), s->end());
     }
     study.title = s->mission.title.empty() ? s->file.filename().string() : s->mission.title;
     study.scenario = s->file.string();
@@ -370,18 +371,15 @@ int precision(const PrecisionArguments& a, bool as_json) {
   const SimplifiedModel* simplified = model ? &*model : nullptr;
   const Json data = precision_json(study, question, simplified);
   std::vector<Diagnostic> unwritten;
-  const auto write = [&](const std::function<void()>& one) {  // the others are written all the same
-    try {
-      one();
-    } catch (const InputError& e) {
-      unwritten.push_back(e.diagnostics().front());
-    } catch (const NumericsError& e) {  // of HDF5
-      unwritten.push_back({.code = Code::cannot_write, .at = {{}, {(folder / kNumbers).string()}}, .got = e.failure().what});
-    }
-  };
-  write([&] { write_whole_file(folder / kData, json_text_with_nulls(data)); });
-  write([&] { write_precision_h5((folder / kNumbers).string(), study, simplified); });
-  write([&] { write_whole_file(folder / kPage, page::filled("Precision: " + study.title, data, page::precision())); });
+  write_result(folder / kData, json_text_with_nulls(data), unwritten);
+  try {
+    write_precision_h5((folder / kNumbers).string(), study, simplified);
+  } catch (const InputError& e) {
+    unwritten.push_back(e.diagnostics().front());
+  } catch (const NumericsError& e) {  // of HDF5
+    unwritten.push_back({.code = Code::cannot_write, .at = {{}, {(folder / kNumbers).string()}}, .got = e.failure().what});
+  }
+  write_result(folder / kPage, page::filled("Precision: " + study.title, data, page::precision()), unwritten);
   std::string files = (folder / kPage).string();
   if (!question.budgets.empty()) {
     if (const auto row = choice.row ? choice.row : choice.nearest) {
@@ -394,13 +392,12 @@ int precision(const PrecisionArguments& a, bool as_json) {
         about.back() = choice_text({run.row}, study, {.row = 0, .nearest = 0}, question.budgets, question.measure);
         for (const std::size_t i : run.of) about.push_back("without: " + model->all[i].what);
       }
-      write([&] { write_whole_file(folder / kSettings, settings_text(setting, study.own, about)); });
+      write_result(folder / kSettings, settings_text(setting, study.own, about), unwritten);
       files += ", " + (folder / kSettings).string();
     }
     if (!choice.row) code = 1;
   }
   say(fmt::format("\n{} runs, {} of before. {}\n", study.runs, study.taken, files));
-  if (code == 0 && !unwritten.empty()) code = kNotWritten;
   return report_unwritten(std::move(unwritten), as_json, code);
 }
 

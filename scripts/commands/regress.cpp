@@ -71,7 +71,6 @@ int regress(const RegressArguments& a, bool as_json) {
   RegressionRun how;
   how.record = printable(a.why);
   std::vector<Golden> goldens;
-  std::vector<Diagnostic> wrong;
   for (std::size_t i = 0; i < found.size(); ++i) {
     if (i % shards != shard - 1) continue;
     Golden& golden = goldens.emplace_back();
@@ -82,7 +81,6 @@ int regress(const RegressArguments& a, bool as_json) {
       if (!how.record.empty()) expect_recordable(golden, how.record);
     } catch (const InputError& e) {
       golden.faults = e.diagnostics();
-      wrong.insert(wrong.end(), e.diagnostics().begin(), e.diagnostics().end());
     }
   }
 
@@ -106,18 +104,16 @@ int regress(const RegressArguments& a, bool as_json) {
   const auto failed = std::ranges::count_if(results, [](const CaseResult& r) { return !r.pass(); });
   for (const CaseResult& r : results)
     if (!r.pass() && r.golden->faults.empty()) say(faults_of(r));
+  std::vector<Diagnostic> wrong;
+  for (const Golden& g : goldens) wrong.insert(wrong.end(), g.faults.begin(), g.faults.end());
   const bool has_faults = !wrong.empty();
   for (const auto& [name, text] : {std::pair{"regress.json", json_text_with_nulls(regress_json(results))},
                                    {"junit.xml", junit_xml(results)},
                                    {"regress.html", regression_page(a.folder, results)}})
-    try {
-      write_whole_file(out / name, text);
-    } catch (const InputError& e) {  // the others are written all the same
-      wrong.push_back(e.diagnostics().front());
-    }
+    write_result(out / name, text, wrong);
   say(fmt::format("\n{} of {} scenarios pass. {}\n", results.size() - static_cast<std::size_t>(failed), results.size(),
                   (out / "regress.html").string()));
-  const int code = has_faults ? 2 : failed > 0 ? 1 : wrong.empty() ? 0 : kNotWritten;
+  const int code = has_faults ? 2 : failed > 0 ? 1 : 0;
   return report_unwritten(std::move(wrong), as_json, code);
 }
 

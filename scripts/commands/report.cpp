@@ -27,14 +27,18 @@ void add_report(CommandLine& line) {
               "Instead of the page: an SVG of channels over time, a panel for each --plot; a channel (bodies/bus/rate), a component of "
               "it (bodies/bus/rate.y), or several with commas between them")
       .type_name("CHANNELS");
-  command.action([h5, second, html, plotted] {
+  command.action([h5, second, html, plotted, &line] {
     std::error_code ignored;
     if (std::filesystem::is_directory(*h5, ignored)) *h5 = (std::filesystem::path(*h5) / "run.h5").string();
     const auto beside = [&](const char* name) { return (std::filesystem::path(*h5).parent_path() / name).string(); };
     if (!second->empty()) {
       if (!plotted->empty()) refuse(Code::command_line, {"--plot"}, "one run", "two");
-      return compare(
-          {.first = *h5, .second = *second, .page = html->empty() ? beside("differences.html") : *html, .json = {}, .quiet = true});
+      return compare({.first = *h5,
+                      .second = *second,
+                      .page = html->empty() ? beside("differences.html") : *html,
+                      .json = {},
+                      .quiet = true,
+                      .as_json = line.json_errors()});
     }
     const std::string page = html->empty() ? beside(plotted->empty() ? "report.html" : "figure.svg") : *html;
     expect_another_file(page, *h5);

@@ -45,6 +45,7 @@ Scenario::Scenario(const ScenarioOptions& options)
       folder(file.parent_path()),
       settings(options.settings),
       seed(options.seed),
+      until(options.until),
       recorded(options.recorded),
       lua(lua_options(*this, options)),
       persistent(lua) {

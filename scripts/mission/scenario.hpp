@@ -42,6 +42,7 @@ struct ScenarioOptions {
   std::filesystem::path file;  ///< the script, or a folder with scenario.lua
   std::vector<Setting> settings;
   std::uint64_t seed = 0;
+  std::optional<double> until{};                   ///< [s] end of the run; empty: the mission's duration
   std::shared_ptr<const RecordedInputs> recorded;  ///< null: the files are read
   std::function<void(std::string_view line)> print = [](std::string_view) {};
   std::function<std::size_t()> width = [] { return std::size_t{0}; };  ///< of the window; 0: none
@@ -122,6 +123,7 @@ struct Scenario {
   std::filesystem::path file, folder;
   std::vector<Setting> settings;
   std::uint64_t seed;
+  std::optional<double> until;  // [s]
   std::shared_ptr<const RecordedInputs> recorded;
 
   LuaHost lua;  // before everything that holds a Lua function
@@ -156,6 +158,8 @@ struct Scenario {
   // The system
   std::shared_ptr<const Model> model;  // null before `vehicle`
   std::unique_ptr<Simulation> sim;
+  /// [s]
+  double end() const { return until.value_or(mission.duration); }
   /// With the masses of the present state, where they vary.
   const Model& present() const { return sim ? sim->model() : *model; }
 

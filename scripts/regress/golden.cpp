@@ -66,7 +66,8 @@ class GoldenReader {
       if (settings->node->kind != Kind::map)
         sink_.report(Code::wrong_type, settings->at(), "a map: key of --set to its value", describe(*settings->node));
       for (std::size_t i = 0; i < settings->node->keys.size(); ++i)
-        golden_.settings.emplace_back(settings->node->keys[i].name, read_text(settings->item(i), "a value as --set takes it", context_));
+        golden_.settings.push_back(
+            {settings->item(i).at(), settings->node->keys[i].name, read_text(settings->item(i), "a value as --set takes it", context_)});
     }
     if (const auto seed = map.find("seed")) {
       golden_.seed = read_text(*seed, "a whole number", context_);

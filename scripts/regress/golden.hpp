@@ -58,6 +58,12 @@ struct GoldenLedger {
   std::string why;
 };
 
+/// A --set of the run.
+struct GoldenSetting {
+  Located at;
+  std::string key, value;
+};
+
 /// What a script prints at the workbench: the same words, and numbers within the tolerance, each beside its own size.
 struct GoldenPrint : Claim {
   std::filesystem::path file;
@@ -74,19 +80,19 @@ struct Golden {
   std::string text;
   std::string truth;  // where the references come from
   std::filesystem::path scenario;
-  std::vector<std::pair<std::string, std::string>> settings;  // --set
-  std::string seed, until, kernels;                           // as written; empty: not given. until [s]
-  double cpu_s = 120.0;                                       // of processor time
-  double clock_s = 0.0;                                       // by the clock; 0: ten times as much and a minute
-  std::size_t memory = std::size_t{4} << 30;                  // [bytes] of addresses
-  std::size_t file_size = std::size_t{2} << 30;               // [bytes] of each file that it writes
+  std::vector<GoldenSetting> settings;
+  std::string seed, until, kernels;              // as written; empty: not given. until [s]
+  double cpu_s = 120.0;                          // of processor time
+  double clock_s = 0.0;                          // by the clock; 0: ten times as much and a minute
+  std::size_t memory = std::size_t{4} << 30;     // [bytes] of addresses
+  std::size_t file_size = std::size_t{2} << 30;  // [bytes] of each file that it writes
   std::vector<GoldenChannel> channels;
   std::vector<GoldenFigure> figures;
   std::vector<std::pair<Located, std::string>> checks;  // that the scenario must have; all that it has must pass
   std::optional<GoldenLedger> ledger;
   std::filesystem::path script;  // run by the workbench on `scenario`, a vehicle or a scenario; empty: the scenario is run
   std::optional<GoldenPrint> prints;
-  std::vector<Diagnostic> faults;  // where it is wrong: it is not run
+  std::vector<Diagnostic> faults;  // where it is wrong: it is not run, or was refused for its settings
 
   std::filesystem::path folder() const { return file.parent_path(); }
   /// [s] Enough that a busy machine changes nothing; a process that waits for ever ends.

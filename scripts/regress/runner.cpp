@@ -25,7 +25,7 @@ ProgramOrder order_for(const Golden& g, const std::string& program, const fs::pa
   ProgramOrder order;
   order.command = {program, "run", g.scenario.string(), "--out", folder.string(), "--quiet", "--json-errors"};
   if (!g.script.empty()) order.command = {program, "workbench", g.scenario.string(), "--script", g.script.string()};
-  for (const auto& [key, value] : g.settings) order.command.insert(order.command.end(), {"--set", key + "=" + value});
+  for (const auto& [at, key, value] : g.settings) order.command.insert(order.command.end(), {"--set", key + "=" + value});
   if (!g.seed.empty()) order.command.insert(order.command.end(), {"--seed", g.seed});
   if (!g.until.empty()) order.command.insert(order.command.end(), {"--until", g.until});
   if (!g.kernels.empty()) order.environment.emplace_back("CARDAN_KERNELS", g.kernels);
@@ -59,6 +59,21 @@ std::vector<std::string> complaints_in(const fs::path& file) {
   }
   if (text.empty()) return {};
   return {text.size() > 2000 ? "..." + text.substr(text.size() - 2000) : text};
+}
+
+/// What the run said of settings, at their places in the golden file.
+std::vector<Diagnostic> faults_of_settings(const Golden& golden, const fs::path& errors) {
+  std::vector<Diagnostic> out;
+  try {
+    const Json all = Json::parse(read_text_file(errors.string()));
+    for (const Json& e : all.at("errors"))
+      for (const auto& [at, key, value] : golden.settings)
+        if (const auto code = find_code(e.value("code", "")); code && e.value("file", "") == setting_mark(key, value).file)
+          out.push_back({*code, at, e.value("expected", ""), e.value("got", ""), e.value("hint", "")});
+  } catch (const InputError&) {
+  } catch (const Json::exception&) {
+  }
+  return out;
 }
 
 }  // namespace
@@ -155,6 +170,11 @@ std::vector<CaseResult> run_goldens(std::vector<Golden>& goldens, const Regressi
       CaseResult& result = results[index];
       result.ending = ending_of_run(*going[i].process, going[i].limits, result.folder / kErrors);
       going.erase(going.begin() + static_cast<std::ptrdiff_t>(i));
+      goldens[index].faults = faults_of_settings(goldens[index], result.folder / kErrors);
+      if (!goldens[index].faults.empty()) {
+        end(result, rows_of(goldens[index].faults));
+        continue;
+      }
       end(result, how.record.empty() ? judge(goldens[index], result.folder, result.ending)
                                      : record_references(goldens[index], result.folder, result.ending, how.record));
     }

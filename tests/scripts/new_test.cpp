@@ -54,7 +54,9 @@ TEST(New, RefusesAnUnknownKindANameThatIsNoneAndAFolderThatIsThere) {
             "  hint:     --out OTHER_FOLDER\n\n1 error. Nothing was run.\n");
   EXPECT_EQ(std::distance(fs::directory_iterator(dir / "roller"), fs::directory_iterator()), 1);
   write(dir / "file", "");
-  EXPECT_NE(refusal({"new", "hinge", "roller", "--out", "file/roller"}, dir.path()).find("a folder that can be made"), std::string::npos);
+  const Finished nowhere = run_program({"new", "hinge", "roller", "--out", "file/roller"}, dir.path());
+  EXPECT_EQ(nowhere.exit_code, 4);
+  EXPECT_NE(nowhere.err.find("a folder that can be made"), std::string::npos) << nowhere.err;
 }
 
 TEST(New, LeavesNoHalfOfAProjectOnAFullDisk) {
@@ -63,7 +65,8 @@ TEST(New, LeavesNoHalfOfAProjectOnAFullDisk) {
     const rlimit most{100, 100};  // [bytes] of a file
     setrlimit(RLIMIT_FSIZE, &most);
   });
-  EXPECT_EQ(full.exit_code, 2);
+  EXPECT_EQ(full.exit_code, 4);
+  EXPECT_EQ(full.err.find("Nothing was run"), std::string::npos) << full.err;
   EXPECT_TRUE(fs::is_empty(dir.path())) << full.err;
   EXPECT_EQ(run_program({"new", "hinge", "roller"}, dir.path()).exit_code, 0);
 }

@@ -677,11 +677,27 @@ TEST_F(Regress, ResultsDoNotGoWhereGoldenFilesAreOrWhereAnotherRunWrites) {
 
 TEST_F(Regress, WhatIsNoTextIsNoneInTheReportsEither) {
   add("swing<&>\xff", printed() + "settings: {nothing: 1}\n");
-  EXPECT_EQ(regress().exit_code, 1);
+  EXPECT_EQ(regress().exit_code, 2);
   const std::string junit = file_text(dir_ / "out/regress/junit.xml");
   EXPECT_TRUE(has(junit, "<testsuite name=\"swing&lt;&amp;&gt;?\"")) << junit;
   EXPECT_EQ(junit.find('\xff'), std::string::npos) << junit;
   EXPECT_TRUE(has(junit, "nothing") && !has(junit, ":0,")) << junit;
+}
+
+/// What no golden file can know, the names and units of the scenario, is answered as what is wrong with it: with its line.
+TEST_F(Regress, ASettingThatTheScenarioRefusesIsAFaultOfTheGoldenFile) {
+  add("swing", printed()), add("wrong", printed());
+  for (const auto& [setting, code, got] :
+       {std::tuple{"strat: 31 deg", "C0208", "\"strat\""}, std::tuple{"start: 31 m", "C0107", "\"31 m\": length"},
+        std::tuple{"bodies.rod.mas: 1", "C0104", "mas"}}) {
+    write(dir_ / "wrong/golden.yaml", printed() + "settings:\n  " + setting + "\n");
+    const Finished run = regress();
+    EXPECT_EQ(run.exit_code, 2) << setting;
+    EXPECT_TRUE(has(run.err, std::string("error[") + code + "]") && has(run.err, got)) << run.err;
+    const auto lines = static_cast<int>(std::ranges::count(file_text(dir_ / "wrong/golden.yaml"), '\n'));
+    EXPECT_TRUE(has(run.err, "wrong/golden.yaml:" + std::to_string(lines))) << run.err;
+    EXPECT_TRUE(has(run.out, "1 of 2 scenarios pass")) << run.out;
+  }
 }
 
 TEST_F(Regress, SaysWhatIsWrongWithTheCommandLine) {

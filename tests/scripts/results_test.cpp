@@ -488,6 +488,39 @@ TEST(Program, TextThatDoesNotReachStandardOutputIsAnExitCode) {
   }
 }
 
+/// What a command was to write is there, and the disk is full: neither is its input wrong, nor its verdict another one.
+TEST(Program, AFileThatADiskDoesNotTakeIsAnExitCode) {
+  const TemporaryFolder dir;
+  for (const char* angle : {"30 deg", "31 deg"})
+    run_program({"run", "pendulum", "--quiet", "--set", std::string("start=") + angle, "--out", dir / angle}, kMissions);
+  const std::string a = dir / "30 deg", b = dir / "31 deg";
+  fs::copy(kScripts + "/errors/boom.yaml", dir / "boom.yaml");
+  for (const auto& [code, line] : {std::pair{4, std::vector<std::string>{"report", a, "--out", "p"}},
+                                   {4, {"report", a, "--plot", "hinges/rod/angle", "--out", "p"}},
+                                   {1, {"report", a, b, "--out", "p"}},
+                                   {4, {"diff", a, a, "--page", "p"}},
+                                   {1, {"diff", a, b, "--json", "p"}},
+                                   {4, {"modes", "boom.yaml", "boom", "--out", "p"}}}) {
+    write(dir / "p", "before");
+    const Finished full = run_program(line, dir.path(), [] {
+      const rlimit most{2000, 2000};  // [bytes] of a file
+      setrlimit(RLIMIT_FSIZE, &most);
+    });
+    EXPECT_EQ(full.exit_code, code) << line[0];
+    EXPECT_TRUE(has(full.err, "error[C0701]: result cannot be written\n  --> p\n") && !has(full.err, "Nothing was run")) << full.err;
+    EXPECT_EQ(file_text(dir / "p"), "before") << line[0];
+    std::vector<std::string> data = line;
+    data.push_back("--json-errors");
+    EXPECT_EQ(nlohmann::json::parse(run_program(data, dir.path(),
+                                                [] {
+                                                  const rlimit most{2000, 2000};  // [bytes] of a file
+                                                  setrlimit(RLIMIT_FSIZE, &most);
+                                                })
+                                        .err)["exit_code"],
+              code);
+  }
+}
+
 TEST(Program, EndsWithItsCodeWhereStandardErrorTakesNothing) {
   if (!fs::exists("/dev/full")) GTEST_SKIP() << "no /dev/full";
   const TemporaryFolder dir;
