@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <utility>
 
 #include "core/sim/description.hpp"
@@ -9,7 +10,8 @@
 namespace cardan {
 namespace {
 
-constexpr double kRoundOff = 1e-12;  // of the mass or largest inertia of the body: effective masses below are shown as zero
+constexpr double kRoundOff = 1e-12;     // of the mass or largest inertia of the body: effective masses below are shown as zero
+constexpr double kRoundedAway = 1e-14;  // of the size of the vehicle: what a few turns leave of nothing
 
 std::string listed(const Json& names) { return fmt::format("{}", fmt::join(names.get<std::vector<std::string>>(), ", ")); }
 
@@ -74,16 +76,26 @@ std::string description_text(const Json& d) {
   }
 
   const Json& masses = d["masses"];
-  const auto triple = [](const Json& a) {
-    return fmt::format("{:>12.5g}{:>12.5g}{:>12.5g}", a[0].get<double>(), a[1].get<double>(), a[2].get<double>());
+  // What is rounding beside the size of the vehicle is nothing.
+  const auto triple = [](const Json& a, double size) {
+    std::string numbers;
+    for (const Json& x : a) numbers += fmt::format("{:>12.5g}", std::abs(x.get<double>()) > kRoundedAway * size ? x.get<double>() : 0.0);
+    return numbers;
   };
+  double inertia = 0.0, far = 0.0;  // [kg m^2, m]
+  for (std::size_t k = 0; k < 3; ++k) inertia += masses["inertia_world_about_com"][k][k].get<double>();
+  for (const Json& row : masses["bodies"])
+    for (const Json& x : row["com_world"]) far = std::max(far, std::abs(x.get<double>()));
+  const double total = masses["total"].get<double>(), gyration = total > 0.0 ? std::sqrt(inertia / total) : 0.0;
+  far = std::max(far, gyration);
   out += fmt::format("\nmasses at the initial state, flexible bodies undeformed\n  {:<18}{:>12}{:>36}\n", "", "mass [kg]",
                      "mass centre, world axes [m]");
   for (const Json& row : masses["bodies"])
-    out += fmt::format("  {:<18}{:>12.6g}{}\n", row["name"].get<std::string>(), row["mass"].get<double>(), triple(row["com_world"]));
-  out += fmt::format("  {:<18}{:>12.6g}{}\n", "total", masses["total"].get<double>(), triple(masses["com_world"]));
+    out += fmt::format("  {:<18}{:>12.6g}{}\n", row["name"].get<std::string>(), row["mass"].get<double>(), triple(row["com_world"], far));
+  out += fmt::format("  {:<18}{:>12.6g}{}\n", "total", masses["total"].get<double>(), triple(masses["com_world"], far));
   const char* title = "inertia about the mass centre, world axes [kg m^2]";
-  for (const Json& row : masses["inertia_world_about_com"]) out += fmt::format("  {:<52}{}\n", std::exchange(title, ""), triple(row));
+  for (const Json& row : masses["inertia_world_about_com"])
+    out += fmt::format("  {:<52}{}\n", std::exchange(title, ""), triple(row, inertia));
 
   for (const Json& body : d["modes"]) {
     out += fmt::format("\nmodes of {}: {}\n  {:>4}{:>12}  {:<16}{:>54}  kept\n", body["body"].get<std::string>(),

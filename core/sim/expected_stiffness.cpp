@@ -64,7 +64,7 @@ Warnings expected_stiffness(const std::shared_ptr<const Model>& model, const dou
             fmt::format("a step of {:.2g} s at most, or {}", rounded_down(h), kStiffHint));
   else if (!equal_steps && steps > many(fastest))
     out.add(Code::stiff_scene, {"integrator.method", {}},
-            fmt::format("{}: {} must take steps of {:.2g} s, {:.1e} of them to the end", cause, options.method, h, steps),
+            fmt::format("{}: {} must take steps of {:.2g} s, {:.1e} of them in {:g} s", cause, options.method, h, steps, span),
             fastest.decays ? kStiffHint : kFollowed);
   return out;
 }

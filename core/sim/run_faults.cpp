@@ -164,8 +164,8 @@ void Simulation::say_stiff() {
                           : fastest.rate * h >= kExplains ? fmt::format("; fastest is {}, {:.3g} 1/s", fastest.what, fastest.rate)
                                                           : "; no mode, spring or damper is that fast: look at friction and contacts";
   warn(Code::stiff_scene, {"integrator.method", {}},
-       fmt::format("stability and not accuracy sets the steps of {}, {:.2g} s: {:.1e} of them are left{}", integrator_name(), h,
-                   (t_end_ - state_.t) / h, why),
+       fmt::format("stability and not accuracy sets the steps of {}, {:.2g} s: {:.1e} of them to t = {:g} s{}", integrator_name(), h,
+                   (t_end_ - state_.t) / h, t_end_, why),
        kStiffHint);
 }
 
@@ -176,10 +176,10 @@ void Simulation::say_rounding(const StepReport& report) {
   const double h = statistics().last_step;
   const auto [body, what] = named_state(report.rounded);
   warn(Code::rounding_sets_steps, {"integrator.relative", {}},
-       fmt::format(
-           "rounding and not accuracy sets the steps of {}, {:.2g} s: {:.1e} of them are left. That of the states is worth {:.2g} times "
-           "the error that is allowed, most of it in that of {}.{}",
-           integrator_name(), h, (t_end_ - state_.t) / h, report.rounding, body, what),
+       fmt::format("rounding and not accuracy sets the steps of {}, {:.2g} s: {:.1e} of them to t = {:g} s. That of the states is worth "
+                   "{:.2g} times "
+                   "the error that is allowed, most of it in that of {}.{}",
+                   integrator_name(), h, (t_end_ - state_.t) / h, t_end_, report.rounding, body, what),
        "a larger integrator.relative, by tens until nothing is told. Stiff forces between vehicles far from the origin have few digits of "
        "what lies between these: `hinge: {type: free, to: TARGET}` of the base of one counts it from the other");
 }

@@ -37,6 +37,7 @@ void add_check(CommandLine& line) {
     s->warnings.add(open_rows_of_loops(*s->model, s->sim->state().q, s->sim->state().v, s->sim->drives().data()));
     quiet = true;  // what functions of the run say is said in a run
     const std::vector<std::string> elsewhere = kept_elsewhere_at_start(*s);
+    s->warnings.add(measures_at_start(*s));
     fmt::print("ok: {}, {} coordinates, {} velocities, {}, {}, {}, {}{}, {:g} s{}\n", bodies(s->model->user.size()), s->model->nq,
                s->model->nv, count(static_cast<std::size_t>(s->model->n_modes), "mode"), count(s->controllers.size(), "controller"),
                count(s->events.size(), "event"), count(s->checks.size(), "check"),

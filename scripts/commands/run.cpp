@@ -158,6 +158,7 @@ class RunCommand {
   std::unique_ptr<Scenario> load() {
     ScenarioOptions options = job_.options;
     options.interrupt = &Interruption::flag();
+    options.until = job_.resume && job_.resume->at_its_end ? arguments_.until : job_.until;
     options.print = [this](std::string_view line) {
       if (progress_) progress_->clear();
       say(fmt::format("{}\n", line));

@@ -64,8 +64,8 @@ void expect_tolerances_above_rounding(const Scenario& s) {
 
 /// `subject`: "controller \"law\"", "device wheel", whose ticks come every `period` seconds.
 void look_at_period(Scenario& s, const Located& at, const std::string& subject, double period) {
-  const double ticks = s.mission.duration / period;
-  const std::string got = fmt::format("a tick every {:.3g} s: {:.3g} of them in {:g} s", period, ticks, s.mission.duration);
+  const double ticks = s.end() / period;
+  const std::string got = fmt::format("a tick every {:.3g} s: {:.3g} of them in {:g} s", period, ticks, s.end());
   if (ticks > kTooManyTicks)
     refuse(Code::out_of_range, at, fmt::format("at most {:g} ticks in a run", kTooManyTicks), got, "did you mean another unit?");
   if (ticks > kManyTicks)
@@ -79,10 +79,9 @@ void look_at_ticks(Scenario& s) {
     const auto at = [&](const char* key) { return s.model->spec->locate(fmt::format("devices.{}.{}", d.name, key)); };
     if (d.rate > 0.0 || d.period > 0.0)
       look_at_period(s, at(d.rate > 0.0 ? "rate" : "period"), "device " + d.name, d.rate > 0.0 ? 1.0 / d.rate : d.period);
-    if (d.offset > s.mission.duration)
-      s.warnings.add(
-          Code::no_effect, at("offset"),
-          fmt::format("the first tick of {}, at {:g} s, is after the end of the run at {:g} s", d.name, d.offset, s.mission.duration));
+    if (d.offset > s.end())
+      s.warnings.add(Code::no_effect, at("offset"),
+                     fmt::format("the first tick of {}, at {:g} s, is after the end of the run at {:g} s", d.name, d.offset, s.end()));
   }
 }
 
@@ -91,7 +90,7 @@ void look_at_dates(Scenario& s) {
   FieldMoments moments(*s.model);
   for (std::size_t i = 0; i < s.model->fields.size(); ++i) {
     const Field& field = s.model->fields[i];
-    const int beyond = moments.at(static_cast<int>(i), s.mission.duration).beyond;
+    const int beyond = moments.at(static_cast<int>(i), s.end()).beyond;
     if (field.source->refuses(beyond))
       s.warnings.add(Code::mission_doubt, s.model->spec->locate("fields." + field.name),
                      fmt::format("at the end of the run, at {:g} s, {}: the run ends before, where something asks it there",
@@ -201,7 +200,11 @@ void look_at_pull(Scenario& s) {
 void look_at_sizes(Scenario& s) {
   std::size_t columns = 1;  // time
   for (const Output& o : mission_outputs(s)) columns += o.channel.components.size();
-  const double rows = s.mission.duration / s.mission.output_period.value(), bytes = rows * static_cast<double>(columns * sizeof(double));
+  const double rows = s.end() / s.mission.output_period.value(), bytes = rows * static_cast<double>(columns * sizeof(double));
+  if (rows > kTooManyTicks)
+    refuse(Code::out_of_range, {"mission.output", {s.file.string(), 0, 0}}, fmt::format("at most {:g} rows in a run", kTooManyTicks),
+           fmt::format("a row every {:.3g} s: {:.3g} of them in {:g} s", s.mission.output_period.value(), rows, s.end()),
+           "a lower mission.output.rate, or a shorter run; did you mean another unit?");
   if (bytes > kLargeBytes)
     s.warnings.add(Code::large_run, {"mission.output", {s.file.string(), 0, 0}},
                    fmt::format("{:.3g} rows of {} numbers: run.h5 will take about {}", rows, columns, bytes_text(bytes)),
@@ -341,7 +344,7 @@ void examine(Scenario& s) {
     s.warnings.add(held_back(*s.model->spec)), s.warnings.add(idle_at_hinges(*s.model)), s.warnings.add(still_hinges(*s.sim));
   s.warnings.add(unheeded_validity(*s.model)), s.warnings.add(idle_keys(*s.model));
   look_at_sizes(s);
-  s.warnings.add(FlexibleLimits(*s.sim).expected(*s.sim, s.mission.duration));
+  s.warnings.add(FlexibleLimits(*s.sim).expected(*s.sim, s.end()));
 }
 
 void try_start(Scenario& s) {
@@ -373,6 +376,37 @@ void try_sequences(Scenario& s) {
 std::vector<std::string> kept_elsewhere_at_start(Scenario& s) {
   s.stage = Scenario::Stage::run;
   s.persistent.seal();
+/// What a function of the end may lack at the start: numbers and tables that the run sets. A name that is not there, an argument of another
+/// kind, a function that nobody has written and several values in place of one are no better at the end.
+bool may_come(const Diagnostic& d) {
+  if (d.code != Code::lua_runtime) return d.got == "nil" || d.got == "no value";
+  return d.at.key_path != "results" && d.about.find("attempt to call") == std::string::npos;
+}
+
+Warnings measures_at_start(Scenario& s) {
+  Warnings found;
+  s.stage = Scenario::Stage::end;
+  const auto look = [&](const char* kind, const Measure& m) {
+    double ignored = 0.0;
+    s.actor = m.name;
+    try {
+      m.value.call({}, {&ignored, 1});
+    } catch (const InputError& e) {
+      const Diagnostic& d = e.diagnostics().front();
+      if (may_come(d)) return;
+      std::string why(d.about.empty() ? title_of(d.code) : d.about);
+      for (const auto& [word, text] : {std::pair{"expected", &d.expected}, {"got", &d.got}})
+        if (!text->empty()) why += fmt::format(", {} {}", word, *text);
+      found.add(Code::mission_doubt, d.at, fmt::format("{} \"{}\" fails at the start: {}", kind, m.name, why),
+                "so it will at the end of a run (N0303), unless the run changes what it asks for");
+    } catch (const NumericsError&) {  // of the state: that of the end is another one
+    }
+  };
+  for (const Measure& m : s.checks) look("check", m);
+  for (const Measure& m : s.figures) look("figure", m);
+  return found;
+}
+
   const double t = s.sim->time();
   const auto call = [&](const LuaFunction& f, const std::string& actor) {
     if (!f) return;

@@ -33,5 +33,7 @@ void try_sequences(Scenario&);
 /// After try_start(): what the script keeps outside of persist{} once its first phase has begun, sequences wait and each controller has
 /// ticked, in the first instant of a run. Their commands are left behind: no run follows.
 std::vector<std::string> kept_elsewhere_at_start(Scenario& s);
+/// After it: checks and figures whose functions fail. What these change is left behind: no run follows.
+Warnings measures_at_start(Scenario& s);
 
 }  // namespace cardan

@@ -93,7 +93,7 @@ MissionRun::MissionRun(Scenario& scenario, Recorder& recorder, std::vector<Outpu
     sim.every(
         *period, [this] { make_checkpoint(); }, *period);  // after all others
   note_warnings();
-  limits_.expected(sim, s_.mission.duration);  // told before the run: what is seen is news where it exceeds that
+  limits_.expected(sim, s_.end());  // told before the run: what is seen is news where it exceeds that
 }
 
 namespace {

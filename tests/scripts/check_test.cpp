@@ -88,6 +88,24 @@ bodies:
   }
 }
 
+// ---- places ----
+
+/// Turned by a quarter and by two: 6e-17 m and 1e-33 kg m^2 are no places and no inertias.
+TEST_F(Physics, RoundingsAreNoPlaces) {
+  write(R"(cardan: 1
+bodies:
+  base: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}
+  a: {mass: 1, com: [1, 0, 0], inertia: [1, 1, 1], hinge: {type: revolute, axis: [0, 0, 1], to: base, initial: {angle: 90 deg}}}
+  b: {mass: 1, com: [1e-9, 0, 0], inertia: [1, 1, 1], hinge: {type: revolute, axis: [0, 0, 1], to: {body: a, position: [1, 0, 0]}, initial: {angle: 180 deg}}}
+)");
+  const std::string out = run({"describe", "."}).out,
+                    masses = out.substr(out.find("masses at"), out.find("program of sweeps") - out.find("masses at"));
+  EXPECT_TRUE(has(masses, "  a                            1           0           1           0\n")) << masses;
+  EXPECT_EQ(masses.find("e-1"), std::string::npos) << masses;
+  write("cardan: 1\nbodies:\n  b: {mass: 1, com: [1e-9, 0, 0], inertia: [1, 1, 1], hinge: {type: free, to: world}}\n");
+  EXPECT_TRUE(has(run({"describe", "."}).out, "  b                            1       1e-09           0           0\n"));
+}
+
 // ---- what fields know of time ----
 
 TEST_F(Physics, AFieldThatEndsBeforeTheRunIsToldBeforeIt) {
@@ -513,6 +531,32 @@ TEST_F(Physics, EventsAreLookedAtByCheck) {
   EXPECT_TRUE(has(f.err, "scenario.lua:4")) << f.err;
 }
 
+/// A run would end with them after its last step. What the run has yet to set is no error.
+TEST_F(Physics, ChecksAndFiguresThatFailAreFoundByCheck) {
+  write("cardan: 1\nbodies:\n  a: {mass: 1, inertia: [1, 1, 1], hinge: {type: revolute, axis: [0, 0, 1], to: world}}\n",
+        R"(local sat = vehicle "v.yaml"
+mission { duration = 1 }
+local seen, calls = {}, 0
+check { name = "1", below = 2, value = function() return sat:hinge("a"):rate(7) end }
+check { name = "2", below = 2, value = function() return sat:body("b"):mass() end }
+check { name = "3", below = 2, value = function() return vec.nrom { 1, 2, 3 } end }
+check { name = "4", below = 2, value = function() return sat:body("a"):rate() end }
+figure { name = "5", value = function() return sat:hinge("a"):rat() end }
+check { name = "6", below = 2, value = function() return seen.last - seen.first end }
+check { name = "7", below = 2, value = function() return seen.last end }
+check { name = "8", below = 2, value = function() return 0 / 0 end }
+check { name = "9", below = 2, value = function() return vec.norm(seen.place) end }
+figure { name = "10", value = function() calls = calls + 1 return calls end }
+controller { name = "once", rate = "1 Hz", step = function() if mission.time() > 0 then seen = { first = 0, last = 1, place = { 1, 0, 0 } } end end }
+)");
+  const Finished looked = check();
+  EXPECT_EQ(looked.exit_code, 0);
+  for (const char* part : {"check \"1\" fails at the start: unknown name", "scenario.lua:4", "check \"2\" fails at the start: unknown body",
+                           "scenario.lua:5", "attempt to call a nil value (field 'nrom')", "scenario.lua:6", "got 3 values",
+                           "scenario.lua:7", "figure \"5\" fails at the start: unknown name", "scenario.lua:8", "5 warnings"})
+    EXPECT_TRUE(has(looked.err, part)) << part << "\n" << looked.err;
+}
+
 TEST_F(Physics, ControllersThatNeverGetThroughAreRefused) {
   write("cardan: 1\nbodies:\n  p: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}\n",
         "vehicle \"v.yaml\"\nmission { duration = 600 }\ncontroller { name = \"fast\", rate = \"1 GHz\", step = function() end }\n");
@@ -640,6 +684,28 @@ bodies:
               3.0 / std::sqrt(1.0 - carried) / (2 * std::numbers::pi), 1e-9);
   EXPECT_NEAR(description["system_modes"]["modes"][1]["frequency_hz"].get<double>(), 5.0 / (2 * std::numbers::pi), 1e-9);
   EXPECT_EQ(run({"run", "."}).exit_code, 0);
+}
+
+/// By rows alone, and by the end that the command line gives: what is looked at before a run is that run.
+TEST_F(Physics, RunsThatNeverGetThroughAreRefused) {
+  const std::string vehicle = "cardan: 1\nbodies:\n  a: {mass: 1, inertia: [1, 1, 1], hinge: {type: free, to: world}}\n";
+  write(vehicle);
+  for (const auto& line : {std::vector<std::string>{"run", ".", "--until", "1e99", "--out", "out"},
+                           {"campaign", ".", "--runs", "2", "--until", "1e99", "--out", "out"},
+                           {"precision", ".", "--until", "1e99", "--out", "out"},
+                           {"check", ".", "--set", "mission.duration=1e99 s"}}) {
+    const Finished refused = run(line);
+    EXPECT_EQ(refused.exit_code, 2) << line[0];
+    for (const char* part : {"C0301", "at: mission.output", "at most 1e+10 rows in a run", "1e+100 of them in 1e+99 s"})
+      EXPECT_TRUE(has(refused.err, part)) << part << "\n" << refused.err;
+  }
+  EXPECT_FALSE(std::filesystem::exists(folder_ / "out"));
+  EXPECT_EQ(run({"campaign", ".", "--runs", "2", "--until", "-1", "--out", "out"}).exit_code, 2);
+  write(vehicle, kBoomMission + "controller { name = 'fast', rate = '10 kHz', step = function() end }\n");
+  EXPECT_EQ(run({"run", ".", "--until", "1e-3", "--out", "out"}).exit_code, 0);
+  const Finished ticks = run({"run", ".", "--until", "1e7", "--out", "out"});
+  EXPECT_EQ(ticks.exit_code, 2);
+  EXPECT_TRUE(has(ticks.err, "at most 1e+10 ticks in a run") && has(ticks.err, "1e+11 of them in 1e+07 s")) << ticks.err;
 }
 
 TEST_F(Physics, DevicesThatNeverGetThroughOrNeverBegin) {

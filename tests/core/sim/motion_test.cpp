@@ -507,6 +507,8 @@ TEST(FastestMotion, ASlowerOneThatAsksForShorterStepsIsToldOf) {
   const Warnings adaptive = expected_stiffness(model, model->initial_state().q.data(), by("dopri5", 1e-9).integrator, 1.0, 1.3e4);
   ASSERT_EQ(adaptive.all().size(), 1u);
   EXPECT_NE(adaptive.all()[0].what.about.find("the damper of bar."), std::string::npos) << adaptive.all()[0].what.about;
+  // The text is kept where the run is resumed, perhaps to another end: it says of which one it tells.
+  EXPECT_NE(adaptive.all()[0].what.about.find("of them in 13000 s"), std::string::npos) << adaptive.all()[0].what.about;
 }
 
 TEST(FastestMotion, IsThatOfTheModesOrTheirDamping) {
