@@ -78,6 +78,15 @@ struct Arkode {
     }();
     return sum;
   }
+  /// Of the estimate of the error, over that of the rates, a step long: b - d of the stages.
+  static double noise(void* m, const std::string&) {
+    ARKodeButcherTable implicit = nullptr, by = nullptr;
+    sundials::check(ARKStepGetCurrentButcherTables(m, &implicit, &by), "ARKStepGetCurrentButcherTables");
+    if (!by) by = implicit;
+    double squares = 0.0;
+    for (int i = 0; by && i < by->stages; ++i) squares += (by->b[i] - by->d[i]) * (by->b[i] - by->d[i]);
+    return std::sqrt(squares);
+  }
   static int current_order(void*, const std::string& method) { return solution(method).newton ? 5 : 6; }
   static void free(void* m) { ARKStepFree(&m); }
   static constexpr auto set_error_handler = ARKStepSetErrHandlerFn;

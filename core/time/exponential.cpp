@@ -53,6 +53,9 @@ class Exponential final : public LinearPartIntegrator {
     of_inside_ = norm((terms_ != 0.0).select((stage_ - lost_) / kHalvedInside, 0.0));
   }
 
+  /// r_2 (s^2 - s), a sixth of 2, -4 and 2 times the values.
+  double noise() const override { return 0.82; }
+
   double growth(double) const override {
     return 0.9 * std::min({std::pow(of_rest_, -1.0 / 3.0), std::pow(of_polynomials_, -1.0 / kOrderOfPolynomials),
                            std::pow(of_inside_, -1.0 / kOrderInside)});

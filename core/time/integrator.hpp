@@ -201,7 +201,7 @@ struct StepReport {
   bool event = false;
   std::span<const int> crossed;  // size n_roots when event; valid until the next step
   bool stiff = false;            // explicit methods: of late stability and not accuracy has set the steps
-  /// dopri5, dop853: what rounding does to the estimate of the error, over the error that is allowed; 0: far less, or not looked at.
+  /// Adaptive methods: what rounding does to the estimate of the error, over the error that is allowed; 0: far less, or not looked at.
   double rounding = 0.0;
   int rounded = -1;          // most of it is that of this state
   std::string_view goes_on;  // the method that does from here, if it is another one

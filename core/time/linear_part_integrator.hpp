@@ -47,7 +47,7 @@ class LinearPartIntegrator : public Integrator {
     StepReport report;
     if (t1_ < t_stop) {
       begin();
-      ++statistics_.steps;
+      if (++statistics_.steps % kLooks == 0) look_at_rounding(report);
       do report.limit = adaptive_step(t_stop);
       while (problem_.n_roots > 0 && !find_event(report));
       if (n_y_ > 0) y_error_ += step_ * error_of_integrals(report.event);
@@ -96,6 +96,8 @@ class LinearPartIntegrator : public Integrator {
   /// Stages of the step of h [s] to t1 from z0_, where N is r_n_: z1_ and rates of the integrals. Returns the estimated error, 1 = what is
   /// allowed, kNever where a stage cannot be evaluated.
   virtual double stages(double t1, double h) = 0;
+  /// Of the estimate of the error, over that of N, a step long: what their weights make of the values at the stages.
+  virtual double noise() const = 0;
   /// How many times as long as the last step the next one may be.
   virtual double growth(double error) const { return 0.9 * std::pow(error, -1.0 / order_); }
   /// Of the step just done, over its length; of integrals that end inside of it.
@@ -159,6 +161,19 @@ class LinearPartIntegrator : public Integrator {
     linear_.centre(t0_, z0_.data());
     linear_.residual(z0_.data(), xdot_.data(), r_n_.data());
     linear_.sizes(z0_.data(), size_.data());
+  }
+
+  /// By a step as long as the last one.
+  void look_at_rounding(StepReport& report) {
+    for (int i = 0; i < n_; ++i) stage_[i] = moved_by_digits(z0_[i], i);
+    if (n_ == 0 || !problem_.rhs(t0_, stage_.data(), xdot_.data())) return;
+    linear_.residual(stage_.data(), xdot_.data(), r_1_.data());
+    r_1_ -= r_n_;
+    linear_.effect(step_, {r_1_.data(), zero_.data(), zero_.data()}, stage_.data());
+    const double rounding = kLostOfMoved * noise() * norm(stage_);
+    if (!(rounding > kMuchRounding)) return;
+    report.rounding = rounding;
+    report.rounded = largest_of(share_.data(), n_);
   }
 
   /// Steps that fit a whole number of times into what is left, halved or doubled: what belongs to a length of step is used again.
@@ -241,6 +256,7 @@ class LinearPartIntegrator : public Integrator {
   }
 
   static constexpr int kTries = 8;
+  static constexpr long kLooks = 1000;  // steps to each at which rounding is looked at
 
   IntegratorOptions options_;
   int order_;

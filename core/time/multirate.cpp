@@ -48,6 +48,9 @@ class Multirate final : public LinearPartIntegrator {
     }
   }
 
+  /// The rule by the start, the middle and the end, from that by the start and both quarters.
+  double noise() const override { return 0.95; }
+
   int pieces(double h) {
     if (!(piece_ > 0.0)) piece_ = h / kFewest;
     int n = kFewest;

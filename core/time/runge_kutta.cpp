@@ -536,19 +536,15 @@ class RungeKutta final : public Integrator {
     return false;
   }
 
-  /// What rounding of the states does to the slopes of the stages, and these to the estimate of the error: where that is much of what is
-  /// allowed, shorter steps do not make it less, and the steps are as short as rounding asks for. Looked at once in kStiffness steps.
+  /// Looked at once in kStiffness steps.
   void look_at_rounding(StepReport& report) requires(Method::adaptive) {
     if (statistics_.steps % kStiffness != 0 || n_ == 0 || report.event) return;
-    constexpr double kMuch = 0.5;
-    // Each state is moved by so many of its last digits, by more or less; of a stage a third of one is lost, root mean square.
-    constexpr double kMoved = 8.0 * std::numeric_limits<double>::epsilon(), kLost = 0.29 / (8.0 * 1.44 / std::numbers::sqrt3);
-    for (int i = 0; i < n_; ++i) work_[i] = z1_[i] * (1.0 + kMoved * (2.0 * std::fmod(0.5 + i * std::numbers::phi, 1.0) - 1.0));
+    for (int i = 0; i < n_; ++i) work_[i] = moved_by_digits(z1_[i], i);
     if (!problem_.rhs(t1_, work_.data(), inner_.data())) return;
     const auto lost = [&](int estimate) {
       double squares = 0.0;
       for (const double e : Method::error[estimate]) squares += e * e;
-      return kLost * std::sqrt(squares);
+      return kLostOfMoved * std::sqrt(squares);
     };
     double rounding = lost(0) * norm(inner_.head(n_) - last_slope().head(n_));
     report.rounded = largest_of(share_.data(), n_);
@@ -557,7 +553,7 @@ class RungeKutta final : public Integrator {
       rounding *= rounding / std::hypot(rounding, 0.1 * norm(work_.head(n_)));
     }
     report.rounding = (t1_ - t0_) * rounding;
-    if (!(report.rounding > kMuch)) report.rounding = 0.0;
+    if (!(report.rounding > kMuchRounding)) report.rounding = 0.0;
   }
 
   /// A hundredth of the time in which the state would change by its own size; Hairer, Norsett, Wanner 1993, II.4.

@@ -155,6 +155,7 @@ class Sundials final : public Integrator {
       if (whole) {
         report.limit = advance(t_stop);
         report.stiff = explicit_ && steps_ % (Api::multistep ? kStiffness : kStiffness / kLooks / 2) == 0 && stiff();
+        if (steps_ % kStiffness == 0) look_at_rounding(report);
       }
       report.t = std::min(t_internal_, t_stop);
       if (problem_.n_roots > 0) {
@@ -738,6 +739,23 @@ class Sundials final : public Integrator {
       near_limit_ = std::clamp(near_limit_ + (beyond ? 1 : -1), 0, 2 * kLooks);
       return near_limit_ >= kLooks;
     }
+  }
+
+  /// At the end of the last step, whose own rates may be those of a predicted state.
+  void look_at_rounding(StepReport& report) {
+    for (int i = 0; i < problem_.n; ++i) x_out_[static_cast<std::size_t>(i)] = moved_by_digits(x_[static_cast<std::size_t>(i)], i);
+    if (problem_.n == 0 || !problem_.rhs(t_internal_, x_.data(), beside_rate_.data()) ||
+        !problem_.rhs(t_internal_, x_out_.data(), beside_.data()))
+      return;
+    double h = 0.0;
+    Api::last_step(memory_.get(), &h);
+    check(Api::weights(memory_.get(), weights_vector_.get()), "GetErrWeights");
+    for (std::size_t i = 0; i < x_.size(); ++i) beside_[i] -= beside_rate_[i];
+    const double rounding = h * kLostOfMoved * Api::noise(memory_.get(), name_) * N_VWrmsNorm(beside_vector_.get(), weights_vector_.get());
+    if (!(rounding > kMuchRounding)) return;
+    report.rounding = rounding;
+    N_VProd(beside_vector_.get(), weights_vector_.get(), beside_vector_.get());
+    report.rounded = largest_of(beside_.data(), problem_.n);
   }
 
   [[noreturn]] void fail(int flag) const {

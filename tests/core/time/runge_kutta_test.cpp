@@ -324,6 +324,11 @@ TEST(RungeKutta, TellsWhereRoundingSetsTheSteps) {
     EXPECT_EQ(looks(method, 7e6, 1e-8)[1], 0) << method;
     EXPECT_EQ(looks(method, 0.0, 1e-12)[1], 0) << method;
   }
+  for (const std::string method : {"cvode_adams", "cvode_bdf", "ark_explicit", "ark_implicit"}) {
+    EXPECT_GT(looks(method, 7e6, 1e-13)[1], 0) << method;
+    EXPECT_EQ(looks(method, 7e6, 1e-8)[1], 0) << method;
+    EXPECT_EQ(looks(method, 0.0, 1e-12)[1], 0) << method;
+  }
   const auto steps = [](double far, double relative) { return steps_of_spring(far, relative, 0.1); };
   const long near = steps(0.0, 1e-10), far = steps(7e6, 1e-10);
   std::printf("0.1 s by dop853 at 1e-10: %ld steps at the origin, %ld from 7e6 m; at 1e-8 %ld and %ld\n", near, far, steps(0.0, 1e-8),
