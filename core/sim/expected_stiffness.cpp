@@ -12,12 +12,13 @@ namespace cardan {
 
 const char* const kStiffHint =
     "integrator.method = \"cvode_bdf\", above some fifty states with linear_solver = \"krylov\"; or a softer law, or a locked hinge";
+const char* const kSwingHint =
+    "integrator.method = \"cvode_bdf\" where it is damped out; where it swings on that follows it as well: a softer law, fewer modes, or a "
+    "locked hinge, if it does not matter";
 
 namespace {
 
 constexpr double kManyDecaying = 1e6, kManySwinging = 1e7;  // steps
-
-const char* const kFollowed = "cvode_bdf follows it as well unless it is damped out: fewer modes, or a locked hinge, if it does not matter";
 
 /// h times the rate that an explicit method stands: on the real axis, on the imaginary one (there as far as the error test lets it).
 struct Stability {
@@ -65,7 +66,7 @@ Warnings expected_stiffness(const std::shared_ptr<const Model>& model, const dou
   else if (!equal_steps && steps > many(fastest))
     out.add(Code::stiff_scene, {"integrator.method", {}},
             fmt::format("{}: {} must take steps of {:.2g} s, {:.1e} of them in {:g} s", cause, options.method, h, steps, span),
-            fastest.decays ? kStiffHint : kFollowed);
+            fastest.decays ? kStiffHint : kSwingHint);
   return out;
 }
 

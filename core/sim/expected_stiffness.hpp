@@ -8,8 +8,8 @@
 
 namespace cardan {
 
-/// What to do about a stiff scene.
-extern const char* const kStiffHint;
+/// What to do about a stiff scene, and where what is fast swings.
+extern const char *const kStiffHint, *const kSwingHint;
 
 /// W0401 where steps of equal length, cut at what comes every `interval` [s], are beyond the stability of the method, or one that chooses
 /// its steps must take very many in `span` [s]; with the spring, damper or mode that causes it at the coordinates q, and the step that

@@ -24,6 +24,8 @@ bool jumps(double before, double rate, const MotionProfile& was, const MotionPro
   return std::abs(rate - before) > 1e-9 * std::max(was.largest_rate(-kEver, kEver), is.largest_rate(-kEver, kEver));
 }
 
+const char* unit_of(const Loop& loop) { return loop.closing == Closing::distance ? " m/s" : " 1/s"; }
+
 }  // namespace
 
 void Simulation::prescribe(int v_index, MotionProfile profile) {
@@ -147,7 +149,7 @@ void Simulation::start_lengths() {
     const Loop& loop = *begun;
     const PrescribedLoop& p = prescribed_loops_[static_cast<std::size_t>(loop.drive)];
     const double wanted = p.profile.rate(state_.t);
-    const auto unit = [&](double x) { return fmt::format("{:.6g}{}", x, loop.closing == Closing::distance ? " m/s" : " 1/s"); };
+    const auto unit = [&](double x) { return fmt::format("{:.6g}{}", x, unit_of(loop)); };
     if (!p.given)
       refuse(Code::open_start, model_->spec->locate("loops." + loop.name),
              "a profile that begins with its rate, or initial rates that leave it as it is", unit(rate),
@@ -155,6 +157,21 @@ void Simulation::start_lengths() {
     warn(Code::mission_doubt, {fmt::format("profile of {}", loop.name), {}},
          fmt::format("the rate is {} and the profile's {}: the vehicle begins with that of the profile", unit(rate), unit(wanted)),
          "give `initial` of the hinges rates that go with it, or none");
+  }
+  if (!begun_ || drives_.empty()) return;
+  // From rest: what the loops do not tell of the rates follows from masses, by an impulse along the given lengths.
+  const LoopRank rank = loop_rank(*model_, workspace_, state_.q.data(), drives_.data());
+  const Eigen::VectorXd rates = loop_matrix(*model_, workspace_, state_.q.data(), drives_.data()) * state_.v;
+  observed_ = ledger_known_ = false;
+  if (model_->nv - static_cast<int>(prescribed_.size()) <= rank.rank) return;
+  const double limit = kGivenOpen * scale_of_rates();
+  for (const Loop& loop : model_->loops.all) {
+    if (loop.drive < 0) continue;
+    const double wanted = prescribed_loops_[static_cast<std::size_t>(loop.drive)].profile.rate(state_.t);
+    if (std::abs(rates[loop.first]) > limit || std::abs(wanted) <= limit) continue;
+    warn(Code::mission_doubt, {fmt::format("profile of {} at the start", loop.name), {}},
+         fmt::format("the rate is 0{0} and the profile's {1:.6g}{0}: it jumps, and the vehicle takes it as a blow", unit_of(loop), wanted),
+         "let the profile begin at rest, and change its rate over a time, or give `initial` of the hinges rates that go with it");
   }
 }
 

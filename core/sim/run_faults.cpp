@@ -16,6 +16,7 @@
 #include "core/sim/loop_doubts.hpp"
 #include "core/sim/plugin_faults.hpp"
 #include "core/sim/simulation.hpp"
+#include "core/sim/whirling_hinge.hpp"
 
 namespace cardan {
 namespace {
@@ -160,13 +161,14 @@ void Simulation::say_stiff() {
   warned_stiff_ = true;
   const double h = statistics().last_step;
   constexpr double kExplains = 0.1;  // steps at the border of stability are about one over the fastest rate
-  const std::string why = !(fastest.rate > 0)             ? ""
-                          : fastest.rate * h >= kExplains ? fmt::format("; fastest is {}, {:.3g} 1/s", fastest.what, fastest.rate)
-                                                          : "; no mode, spring or damper is that fast: look at friction and contacts";
+  const bool explains = fastest.rate * h >= kExplains;
+  const std::string why = !(fastest.rate > 0) ? ""
+                          : explains          ? fmt::format("; fastest is {}, {:.3g} 1/s", fastest.what, fastest.rate)
+                                              : "; no mode, spring or damper is that fast: look at friction and contacts";
   warn(Code::stiff_scene, {"integrator.method", {}},
        fmt::format("stability and not accuracy sets the steps of {}, {:.2g} s: {:.1e} of them to t = {:g} s{}", integrator_name(), h,
                    (t_end_ - state_.t) / h, t_end_, why),
-       kStiffHint);
+       explains && !fastest.decays ? kSwingHint : kStiffHint);
 }
 
 /// The integrator found that rounding sets its steps.
@@ -182,6 +184,25 @@ void Simulation::say_rounding(const StepReport& report) {
                    integrator_name(), h, (t_end_ - state_.t) / h, t_end_, report.rounding, body, what),
        "a larger integrator.relative, by tens until nothing is told. Stiff forces between vehicles far from the origin have few digits of "
        "what lies between these: `hinge: {type: free, to: TARGET}` of the base of one counts it from the other");
+}
+
+/// Near the lock of a gimbal the steps follow its rates, not the body's.
+void Simulation::say_whirling() {
+  const WhirlingHinge near = whirling_hinge(*model_, workspace_, state_.v.data());
+  if (near.body == 0) return;
+  const auto user = std::ranges::find_if(model_->user, [&](const UserBody& u) { return u.sweep == near.body && !u.merged; });
+  const BodySpec& body = model_->spec->bodies[static_cast<std::size_t>(user - model_->user.begin())];
+  if (body.hinge.factor == HingeFactor::square_root) return;  // keeps its digits
+  Located at = model_->spec->locate(body_path(body) + ".hinge");
+  for (const Warning& w : warnings_.all())
+    if (w.what.code == Code::near_singular && w.what.at.key_path == at.key_path) return;
+  warn(Code::near_singular, std::move(at),
+       fmt::format(
+           "the rates of the hinge of {} are {:.2g} times as fast as it turns: its axes are nearly in one plane, the lock of gimbals, "
+           "where steps get as short and errors grow",
+           body.name, near.times),
+       "a hinge of type ball, whose quaternion has no such place, `factor: square_root`, which keeps the digits, or other axes "
+       "(`sequence`)");
 }
 
 /// "field earth (acme/oblate): earth is asked beyond its limit inside: ..."; empty where nothing is wrong with it in the last evaluation.

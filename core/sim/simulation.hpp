@@ -415,6 +415,7 @@ class Simulation {
   void foresee_stiffness(double t_end);
   void say_stiff();
   void say_rounding(const StepReport& report);
+  void say_whirling();
   void expect_finite(const std::vector<double>& x);
   std::string name_of(int v_index) const;
   std::pair<std::string, std::string> named_state(int state) const;

@@ -133,6 +133,7 @@ void Simulation::step(double t_stop) {
   if (std::exchange(within_.ledger, false)) ledger();
   if (report.stiff) say_stiff();
   if (report.rounding > 0.0) say_rounding(report);
+  say_whirling();
   if (recorder_ && !report.goes_on.empty())
     recorder_->note(Note::event, state_.t, {"integrator", fmt::format("{} goes on in place of {}", report.goes_on, integrator_name())});
   doing_ = RestartCause::event;

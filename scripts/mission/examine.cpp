@@ -93,8 +93,8 @@ void look_at_dates(Scenario& s) {
     const int beyond = moments.at(static_cast<int>(i), s.end()).beyond;
     if (field.source->refuses(beyond))
       s.warnings.add(Code::mission_doubt, s.model->spec->locate("fields." + field.name),
-                     fmt::format("at the end of the run, at {:g} s, {}: the run ends before, where something asks it there",
-                                 s.mission.duration, told_beyond(field, beyond)),
+                     fmt::format("at the end of the run, at {:g} s, {}: the run ends before, where something asks it there", s.end(),
+                                 told_beyond(field, beyond)),
                      "a shorter duration, or a file of more days");
   }
 }
@@ -306,8 +306,11 @@ void follow_profiles(Scenario& s) {
   auto spec = std::make_shared<SystemSpec>(s.beginning ? *s.beginning : *s.changes.described());
   for (std::size_t i = 0; i < spec->bodies.size(); ++i) {
     const UserBody& u = s.model->user[i];
-    const MotionProfile* profile = u.nv == 1 && state.v[u.v] == 0.0 ? s.sim->profile(u.v) : nullptr;
-    if (profile) spec->bodies[i].hinge.v = {state.v[u.v] = profile->rate(state.t)};
+    int told = 0;
+    for (int c = 0; c < u.nv; ++c)
+      if (const MotionProfile* profile = s.sim->profile(u.v + c); profile && state.v[u.v + c] == 0.0)
+        state.v[u.v + c] = profile->rate(state.t), ++told;
+    if (told > 0 && told == u.nv) spec->bodies[i].hinge.v.assign(state.v.begin() + u.v, state.v.begin() + u.v + u.nv);
   }
   s.sim->set_state(state);
   if (s.sim->lengths_that_begin_otherwise().empty()) return;
@@ -373,9 +376,6 @@ void try_sequences(Scenario& s) {
   }
 }
 
-std::vector<std::string> kept_elsewhere_at_start(Scenario& s) {
-  s.stage = Scenario::Stage::run;
-  s.persistent.seal();
 /// What a function of the end may lack at the start: numbers and tables that the run sets. A name that is not there, an argument of another
 /// kind, a function that nobody has written and several values in place of one are no better at the end.
 bool may_come(const Diagnostic& d) {
@@ -407,6 +407,9 @@ Warnings measures_at_start(Scenario& s) {
   return found;
 }
 
+std::vector<std::string> kept_elsewhere_at_start(Scenario& s) {
+  s.stage = Scenario::Stage::run;
+  s.persistent.seal();
   const double t = s.sim->time();
   const auto call = [&](const LuaFunction& f, const std::string& actor) {
     if (!f) return;

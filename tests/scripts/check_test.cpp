@@ -799,6 +799,22 @@ TEST_F(Physics, StepsThatRoundingSetsAreTold) {
   EXPECT_FALSE(has(told("chaser", "1", "0"), "W0404"));
 }
 
+/// A contact swings: an implicit method is better where that is damped out, and follows it as well where it is not.
+TEST_F(Physics, WhatSwingsIsNotGivenAMethodForWhatDecays) {
+  write(R"(cardan: 1
+gravity: {uniform: [0, 0, -9.81]}
+bodies:
+  ball: {mass: 1, inertia: [0.004, 0.004, 0.004], hinge: {type: free, to: world, initial: {position: [0, 0, 0.09999], velocity: [0.1, 0, 0], angular_velocity: [0, 0.2, 0.1]}}}
+devices:
+  floor: {type: contact, from: ball, from_shape: sphere, from_radius: 0.1, to: world, to_shape: plane, stiffness: 1e9, restitution: 0.5, speed: 0.1}
+)",
+        "vehicle \"v.yaml\"\nmission { duration = 5, integrator = { relative = 1e-8 }, output = { rate = 10 } }\n");
+  const Finished f = run({"run", ".", "--out", "o"});
+  EXPECT_EQ(f.exit_code, 0) << f.err;
+  EXPECT_TRUE(has(f.err, "warning[W0401]") && has(f.err, "fastest is what devices push with")) << f.err;
+  EXPECT_TRUE(has(f.err, "\"cvode_bdf\" where it is damped out; where it swings on that follows it as well: a softer law")) << f.err;
+}
+
 /// What acts between vehicles on one tree is counted from the one that carries the other, also where only initial{} says that they are far
 /// from the world's origin, and nothing pulls there: same steps as beside the origin.
 TEST_F(Physics, WhatInitialPutsFarAwayKeepsItsDigits) {

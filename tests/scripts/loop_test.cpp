@@ -261,6 +261,43 @@ double run_with(const std::string& vehicle, const char* duration, const char* va
   return done.exit_code == 0 ? nlohmann::json::parse(file_text(dir / "out/summary.json"))["checks"][0]["value"].get<double>() : 0.0;
 }
 
+/// A second component that stands still changes nothing: of a hinge whose components are all prescribed the profiles are the rates of the
+/// start, of one as of two.
+TEST(LoopsOfAMission, BeginWithTheRatesOfGivenMotionsOfSeveralComponents) {
+  const auto start = [](const std::string& hinge, const std::string& second) {
+    const TemporaryFolder dir;
+    write(dir / "vehicle.yaml", R"(cardan: 1
+bodies:
+  boom: {mass: 10, inertia: [1, 1, 1], nodes: {eye: {position: [2, 0, 0.3]}}, hinge: {)" +
+                                    hinge + R"(, to: world, prescribed: true}}
+  load: {mass: 10, inertia: [1, 1, 1], nodes: {eye: {position: [0, 0, 0.5]}}, hinge: {type: translational, to: world, initial: {position: [2, 0, -3.2]}}}
+  ball: {mass: 1, com: [0, 0, -1], inertia: [0.1, 0.1, 0.1], hinge: {type: revolute, to: load, axis: [0, 1, 0], initial: {angle: 0.3}}}
+loops:
+  rope: {type: distance, from: boom.eye, to: load.eye, length: 3, prescribed: true}
+)");
+    write(dir / "scenario.lua", "local s = vehicle 'vehicle.yaml'\nmission { duration = 1e-9 }\ns:hinge('boom'):profile { hold = 0.2 }\n" +
+                                    second +
+                                    "s:loop('rope'):profile { hold = -0.1 }\nlocal seen = {}\n"
+                                    "controller { name = 'look', rate = '1 Hz', step = function() seen = { s:hinge('load'):v('vx'), "
+                                    "s:hinge('load'):v('vz'), s:hinge('ball'):rate() } end }\n"
+                                    "for i = 1, 3 do figure { name = tostring(i), value = function() return seen[i] end } end\n");
+    const Finished run = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+    EXPECT_EQ(run.exit_code, 0) << run.err;
+    EXPECT_EQ(run.err, "");
+    const auto summary = nlohmann::json::parse(file_text(dir / "out/summary.json"));
+    std::vector<double> out;
+    for (const auto& f : summary["figures"]) out.push_back(f["value"]);
+    return out;
+  };
+  const std::vector<double> one = start("type: revolute, axis: [0, 1, 0]", ""),
+                            two = start("type: universal, axes: [[0, 1, 0], [1, 0, 0]]",
+                                        "s:hinge('boom'):profile { component = 2, hold = 0 }\n");
+  ASSERT_EQ(one.size(), 3u);
+  ASSERT_EQ(two.size(), 3u);
+  EXPECT_NEAR(one[1], -0.3, 1e-14) << "the eye goes down at 0.4 m/s, and the rope in at 0.1 m/s";
+  for (std::size_t i = 0; i < 3; ++i) EXPECT_NEAR(one[i], two[i], 1e-14) << i;
+}
+
 /// Of a vehicle file every key may be given by the script, as by --set: `loop_form` and `assembly` as what is below `bodies`.
 TEST(LoopsOfAMission, AreClosedAsTheScriptAsks) {
   const TemporaryFolder dir;

@@ -511,6 +511,27 @@ TEST(FastestMotion, ASlowerOneThatAsksForShorterStepsIsToldOf) {
   EXPECT_NE(adaptive.all()[0].what.about.find("of them in 13000 s"), std::string::npos) << adaptive.all()[0].what.about;
 }
 
+// A body that turns through the lock of its gimbals at a distance e: their rates are 1/e times as fast as it turns, and steps e times as
+// long. Through the lock itself, about the one axis, nothing whirls.
+TEST(WhirlingHinge, IsToldOfGimbalsNearTheirLockAlone) {
+  const auto warned = [](const std::string& type, double e, HingeFactor factor = HingeFactor::cholesky) {
+    const std::vector<Eigen::Vector3d> axes{{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+    BodySpec body = on(rigid("top", 1.0, {0, 0, 0}, diagonal({1, 2, 3})), "", type, type == "gimbal" ? axes : decltype(axes){});
+    body.hinge.v = {e, 1.0, 0.0}, body.hinge.factor = factor;
+    Simulation sim(compiled(system({body})), {});
+    sim.run(3.0);
+    return render(sim.warnings());
+  };
+  const std::string told = warned("gimbal", 1e-5);
+  EXPECT_NE(told.find("warning[W0308]"), std::string::npos) << told;
+  EXPECT_NE(told.find("the rates of the hinge of top are"), std::string::npos) << told;
+  EXPECT_NE(told.find("type ball"), std::string::npos) << told;
+  EXPECT_EQ(told.find("times\n"), std::string::npos) << "once";
+  for (const double e : {0.0, 0.1, 1e-2}) EXPECT_EQ(warned("gimbal", e), "") << e;
+  EXPECT_EQ(warned("ball", 1e-5), "");
+  EXPECT_EQ(warned("gimbal", 1e-5, HingeFactor::square_root), "");
+}
+
 TEST(FastestMotion, IsThatOfTheModesOrTheirDamping) {
   BodySpec boom = on(BodySpec{}, "", "locked");
   boom.name = "boom", boom.type = "modal_flexible";
