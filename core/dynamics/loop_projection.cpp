@@ -39,6 +39,7 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
   const Inputs in{.q = q, .v = v, .gravity = false, .drives = drives};
   LoopPass pass(model_, ws_, in);
   bool of_places = true, implied = false;  // rows by others
+  bool embedded = model_.loops.embedding != nullptr;
   const auto largest = [&](const std::vector<double>& x) {
     double most = 0.0;
     worst_ = 0;
@@ -83,7 +84,7 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
   };
   /// The least motion M^-1 G* mu that takes G of it from x. False: a row without compliance.
   const auto take = [&](const std::vector<double>& x) {
-    if (model_.loops.embedding && embedded_response(model_, ws_, q, drives, x, step_.data())) {
+    if (embedded && embedded_response(model_, ws_, q, drives, x, step_.data())) {
       pivot_ = work.embedding->smallest, weakest_ = work.embedding->weakest;
       look_at_wheels();
       return true;
@@ -117,6 +118,7 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
     if (!std::isfinite(now)) return false;
     const auto closed = [&](double open, double was) { return open <= kClosed || (i > 0 && open > 0.5 * was && was < stalled()); };
     if (closed(now, before)) break;
+    if (embedded && i > 0 && now > 0.5 * before && now <= kTyped) embedded = false, before = std::numeric_limits<double>::infinity();
     if (implied && now > stalled() && now <= kTyped) {  // is it open by that alone which nothing can close?
       const int row = worst_;
       agreed_ = work.c;

@@ -357,15 +357,20 @@ class Solver {
       const LoopRows rows = rows_of_loops(q);
       open_by_ = rows.c.cwiseAbs().maxCoeff();
       if (!std::isfinite(open_by_)) return false;
-      if (open_by_ <= kClosed || (open_by_ > 0.5 * before && before < 1e-11)) return true;
-      if (i == kClosing || (i > 2 && open_by_ > before)) return false;
       VectorXd step;
-      free_to_follow(q, [&](const std::vector<std::uint8_t>& free) {
-        const MatrixXd Z = weighted(held_by_loops(rows.G, free), free, false);
-        return step = Z.cols() > 0 ? VectorXd(-Z * least_squares(rows.G * Z, rows.c)) : VectorXd(VectorXd::Zero(m_.nv));
-      });
+      const auto find_step = [&] {
+        free_to_follow(q, [&](const std::vector<std::uint8_t>& free) {
+          const MatrixXd Z = weighted(held_by_loops(rows.G, free), free, false);
+          return step = Z.cols() > 0 ? VectorXd(-Z * least_squares(rows.G * Z, rows.c)) : VectorXd(VectorXd::Zero(m_.nv));
+        });
+      };
+      double open = open_by_;
+      if (closed_->loops.left_open && open_by_ <= kTyped) find_step(), open = (rows.G * step).cwiseAbs().maxCoeff();  // can be closed
+      if (open <= kClosed || (open > 0.5 * before && before < 1e-11)) return true;
+      if (i == kClosing || (i > 2 && open > before)) return false;
+      if (step.size() == 0) find_step();
       q = clamped(moved(q, step));
-      before = open_by_;
+      before = open;
     }
   }
   /// q moved by d and onto the loops again; false where that is farther away than d, another branch perhaps.
