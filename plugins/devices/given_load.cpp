@@ -113,13 +113,12 @@ struct RecordedLoad {
 
   static std::uint64_t rows(const Params& params) { return static_cast<std::uint64_t>(params.table("record", 7).cols()); }
 
-  /// Slopes of the polynomial of fourth order through the five rows about row i, at the ends the last five; of a record that repeats
-  /// around the ends.
+  /// Slopes of the polynomial of fourth order through the five rows about row i, at the ends the last five. A record that repeats has as
+  /// many rows on either side as are asked for.
   static void find_slopes(const Packed& p, double* all, std::int64_t i) {
-    const std::int64_t n = p.rows.n, m = n - 1;
     const bool repeats = p.outside == kRepeat;
-    const std::int64_t count = std::min<std::int64_t>(5, repeats ? m : n);
-    const std::int64_t first = repeats ? i - count / 2 : std::clamp<std::int64_t>(i - 2, 0, n - count);
+    const std::int64_t count = repeats ? 5 : std::min<std::int64_t>(5, p.rows.n);
+    const std::int64_t first = repeats ? i - 2 : std::clamp<std::int64_t>(i - 2, 0, p.rows.n - count);
     const auto slope = [&](std::int64_t k) {  // its part in the slope
       double w = 1.0;
       if (k == i) {

@@ -400,6 +400,22 @@ TEST(RecordedLoad, MayBeginAnywhereInItsPeriod) {
   }
 }
 
+/// What repeats is the same backwards in time too, however few its rows are: a sine in quarters of its period pushes as much on its way up
+/// as down, h / 2 of its loads and h^2 / 12 of its slopes, 16 / 3 and 0 by five rows. Two rows to a period: slopes are zero.
+TEST(RecordedLoad, HasNoDirectionOfTimeInAShortPeriod) {
+  const std::vector<double> sine = rows_of_force({0.0, 0.25, 0.5, 0.75, 1.0}, [](double t) {
+    return t == 0.25 ? 1.0 : t == 0.75 ? -1.0 : 0.0;
+  });
+  const auto pushed = [](const std::vector<double>& rows, double t) { return driven(rows, "cubic", "repeat", t).second; };
+  const double quarter = 0.25 / 2.0 + 0.0625 / 12.0 * 16.0 / 3.0;
+  EXPECT_NEAR(pushed(sine, 0.25), quarter, 1e-13);
+  EXPECT_NEAR(pushed(sine, 0.5), 2.0 * quarter, 1e-13);
+  EXPECT_NEAR(pushed(sine, 0.75), quarter, 1e-13);
+  const std::vector<double> wave = rows_of_force({0.0, 0.5, 1.0}, [](double t) { return t == 0.5 ? -1.0 : 1.0; });
+  EXPECT_NEAR(pushed(wave, 0.5), 0.0, 1e-13);
+  EXPECT_NEAR(pushed(wave, 1.25), 0.5 * (0.5 - 0.25 + 0.0625), 1e-13);
+}
+
 /// Told in the midst of a run that it starts at another time it is at the row of that time.
 TEST(RecordedLoad, TakesAnotherStart) {
   const auto spec = [](double start) {
