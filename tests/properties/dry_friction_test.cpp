@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/abi/device_family.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/sim/reference_check.hpp"
 #include "core/sim/simulation.hpp"
@@ -374,6 +375,43 @@ TEST(DryFriction, SlidesOnWithARateThatIsSetInTheRun) {
   sim.set_state(still);
   sim.run(3.1);
   EXPECT_NEAR(sim.state().v[0], 0.15, 1e-10);
+}
+
+struct NoClutchParameters {};
+/// Holds from 0.5 s on, whatever moves there.
+struct Clutch {
+  static constexpr const char *type = "clutch", *summary = "holds at once";
+  static constexpr unsigned facts = 0;
+  using Packed = NoClutchParameters;
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_HINGE, CARDAN_USE_LOAD | CARDAN_USE_HOLD, "a component"}};
+  static constexpr cardan_state_desc marks[] = {{"holds", "1", 0.0, 1.0, "1: it does"}};
+  static constexpr std::uint32_t n_roots = 1;
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>&, DeviceOut<T>&) noexcept {}
+  static double holds(const Packed&, const DeviceIn<double>&) noexcept { return 1e9; }
+  static void roots(const Packed&, const DeviceIn<double>& in, double* g) noexcept { g[0] = in.t - 0.5; }
+  static void event(const Packed&, const DeviceIn<double>&, std::uint32_t root, int, double*, double* d) noexcept {
+    if (root == 0) d[0] = 1.0;
+  }
+};
+
+/// What a device stops that moves leaves the balances open: rounding is taken for known where a rate was found to be zero, and a motion
+/// that vanishes is not.
+TEST(DryFriction, AMotionThatADeviceStopsIsMissedInTheBalances) {
+  static const Registry own = [] {
+    Registry r = registry();
+    r.devices.add(device_table<Clutch>());
+    return r;
+  }();
+  SystemSpec spec = on_a_rail();
+  spec.bodies[0].hinge.v = {0.6};
+  spec.devices = {device("clutch", "clutch", {}, {{"at", "mass"}})};
+  Simulation sim(compile(spec, own), accurate());
+  sim.run(1.0);
+  EXPECT_EQ(sim.state().v[0], 0.0);
+  EXPECT_NEAR(sim.state().q[0], 0.3, 1e-12);
+  EXPECT_FALSE(sim.ledger().pass);
+  EXPECT_NEAR(sim.ledger().energy, -0.36, 1e-12);
 }
 
 /// An event of the same instant that sends it back is not undone by its coming to rest.

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <random>
 
+#include "core/abi/device_family.hpp"
 #include "core/dynamics/loops.hpp"
 #include "core/sim/rejoin.hpp"
 #include "core/sim/simulation.hpp"
@@ -140,6 +141,45 @@ TEST(FrictionInLoops, AMechanismThatTurnsOnPassesItsDeadCentres) {
     }
 }
 
+struct NoTurnsParameters {};
+/// Counts how often a hinge turns back.
+struct Turns {
+  static constexpr const char *type = "turns", *summary = "how often a hinge turns back";
+  static constexpr unsigned facts = 0;
+  using Packed = NoTurnsParameters;
+  static constexpr cardan_mount_desc mounts[] = {{"at", CARDAN_MOUNT_HINGE, CARDAN_USE_VELOCITY, "a component"}};
+  static constexpr cardan_state_desc marks[] = {{"turns", "1", 0.0, 1.0, "so far"}};
+  static constexpr std::uint32_t n_roots = 1;
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>&, DeviceOut<T>&) noexcept {}
+  static void roots(const Packed&, const DeviceIn<double>& in, double* g) noexcept { g[0] = in.at[0].v; }
+  static void event(const Packed&, const DeviceIn<double>&, std::uint32_t root, int, double*, double* d) noexcept { d[0] += root == 0; }
+};
+
+/// What else happens where a hinge is about to be held at a dead centre happens before, while there still is a motion that can be told.
+TEST(FrictionInLoops, ADeadCentreIsToldToOthersToo) {
+  static const Registry own = [] {
+    Registry r = registry();
+    r.devices.add(device_table<Turns>());
+    return r;
+  }();
+  for (const LoopForm form : kForms) {
+    SystemSpec spec = four_bar("point", 40.0);
+    spec.gravity = {};
+    spec.loop_form = form;
+    spec.devices = {dry("rocker", 0.4, 1.2), device("counts", "turns", {}, {{"at", "rocker"}})};
+    Simulation sim(compile(spec, own), accurate());
+    sim.run(0.6);
+    EXPECT_GT(sim.state().q[0], 20.0);
+    const auto mark = [&](const char* device) {
+      const Devices& d = sim.model().devices;
+      return sim.state().marks[d.all[idx(d.find(device))].mark];
+    };
+    EXPECT_EQ(mark("counts"), std::floor(sim.state().q[0] / std::numbers::pi)) << static_cast<int>(form);
+    EXPECT_EQ(mark("on_rocker"), 0.0);
+  }
+}
+
 /// A piston: a crank of 0.2 m, a rod of 0.5 m, closed at the piston's pin; in units of length of which a metre has so many.
 SystemSpec engine(LoopForm form, double crank_angle, double m = 1.0) {
   const double m2 = m * m;
@@ -197,6 +237,32 @@ TEST(FrictionInLoops, ADeadCentreIsOneInEachUnitOfLength) {
       };
       const double want = turned(1.0);
       for (const double m : {0x1p-50, 0x1p50}) EXPECT_NEAR(turned(m), want, 1e-8 * want) << static_cast<int>(form) << " " << m;
+    }
+}
+
+/// What a jack holds friction need not hold, wherever the jack has taken it: the piston moves as the jack's length does, and the friction
+/// is against that. In each unit of length.
+TEST(FrictionInLoops, WhatAJackHoldsFollowsIt) {
+  const double start = 0.7, further = 0.03, tilt = std::asin(0.4 * std::sin(start)), length = 0.2 * std::cos(start) + 0.5 * std::cos(tilt);
+  for (const LoopForm form : kForms)
+    for (const double m : {0x1p-20, 1.0, 0x1p50}) {
+      SystemSpec spec = engine(form, start, m);
+      LoopSpec jack;
+      jack.name = "jack", jack.type = "distance", jack.length = m * length, jack.prescribed = true, jack.to.body = "piston";
+      spec.loops.push_back(jack);
+      Simulation sim(compiled(spec), accurate());
+      const auto moves = [&](double from, double by) {
+        sim.prescribe_loop("jack", MotionProfile::rate_table({{from, 0.0}, {from + 1.0, m * by}, {from + 2.0, 0.0}}));
+        sim.run(from + 2.5);
+      };
+      moves(0.0, further);
+      EXPECT_NEAR(sim.state().q[2] / m, length + further, 1e-12) << static_cast<int>(form) << " " << m;
+      sim.set_state(sim.state());  // devices that hold begin anew
+      sim.run(3.0);
+      EXPECT_EQ(sim.state().marks[0], 0.0) << static_cast<int>(form) << " " << m;
+      moves(3.0, -2.0 * further);
+      EXPECT_NEAR(sim.state().q[2] / m, length - further, 1e-12) << static_cast<int>(form) << " " << m;
+      EXPECT_TRUE(sim.ledger().pass) << static_cast<int>(form) << " " << m;
     }
 }
 

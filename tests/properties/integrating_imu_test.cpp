@@ -256,6 +256,22 @@ struct Tachometer {
   }
 };
 
+/// z' = q v' of a hinge.
+struct Leverage {
+  static constexpr const char *type = "leverage", *summary = "z' = q v'";
+  static constexpr unsigned facts = 0;
+  using Packed = NoParameters;
+  static constexpr cardan_mount_desc mounts[] = {
+      {"at", CARDAN_MOUNT_HINGE, CARDAN_USE_COORDINATE | CARDAN_USE_ACCELERATION, "a component"}};
+  static constexpr cardan_state_desc states[] = {{"sum", "1", 0.0, 1.0, "integral of q v'"}};
+  template <class T>
+  static void evaluate(const Packed&, const DeviceIn<T>&, DeviceOut<T>&) noexcept {}
+  template <class T>
+  static void follow(const Packed&, const DeviceIn<T>& in, T* zdot) noexcept {
+    zdot[0] = in.at[0].q * in.at[0].vdot;
+  }
+};
+
 /// Pushes with what it is commanded, without looking.
 struct Blower {
   static constexpr const char *type = "blower", *summary = "a force";
@@ -306,6 +322,29 @@ TEST(Following, AHingeFeelsItsBounces) {
   ASSERT_LT(sim.state().q[0], 0.1);
   EXPECT_LT(sim.state().v[0], 0.0) << "it has come back";
   EXPECT_NEAR(sim.state().z[0], sim.state().v[0] - 0.3, 1e-13);
+}
+
+/// A slide that is pulled at with a constant force bounces once: it is struck where it is, 0.1 m from home.
+TEST(Following, AHingeIsStruckWhereItIs) {
+  static const Registry own = [] {
+    Registry r = registry();
+    r.devices.add(device_table<Leverage>());
+    return r;
+  }();
+  const double at = 0.1, back = 0.6, a = 0.2, v = 0.3;
+  BodySpec slider = on(particle("slider", 2.0, {0, 0, 0}), "", "prismatic", {{1, 0, 0}});
+  slider.hinge.v = {v};
+  slider.hinge.loads = {{0, HingeLaw::stop, {-1.0, at, 1e5, 1.0, 0.1}, {}, {back, 0.01}}};
+  SystemSpec spec = system({slider});
+  spec.devices = {device("on_it", "leverage", {}, {{"at", "slider"}})};
+  Simulation sim(compile(spec, own), accurate());
+  sim.set_force(0, 2.0 * a);
+  sim.run(1.0);
+  const double t = (std::sqrt(v * v + 2.0 * a * at) - v) / a, struck = v + a * t, s = 1.0 - t;
+  const auto sum = [a](double q, double rate, double time) {  // of a q from there on
+    return a * time * (q + time * (rate / 2.0 + a * time / 6.0));
+  };
+  EXPECT_NEAR(sim.state().z[0], sum(0.0, v, t) - at * (1.0 + back) * struck + sum(at, -back * struck, s), 1e-12);
 }
 
 TEST(Following, WithoutAUsableRateIsNamed) {

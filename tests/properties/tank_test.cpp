@@ -7,6 +7,7 @@
 #include "core/abi/device_family.hpp"
 #include "core/base/diagnostic.hpp"
 #include "core/dynamics/batch.hpp"
+#include "core/dynamics/mass_flow.hpp"
 #include "core/operators/linear_model.hpp"
 #include "core/operators/sensitivity.hpp"
 #include "core/operators/system_properties.hpp"
@@ -158,6 +159,29 @@ TEST(Tank, TheForcesOfWhatFlowsAreThoseOfAnOpenSystem) {
       EXPECT_LT((f - thrust - force).norm(), 1e-14) << jet.type;
       EXPECT_LT((n - e.cross(thrust) - moment).norm(), 1e-14) << jet.type;
     }
+}
+
+/// How the mass of a device without a `mass_tangent` changes is found by differences: those of a settled sphere, of whose cap each number
+/// is a function of the mass that is not simple, against the derivative that it tells itself.
+TEST(Tank, RatesByDifferencesAreThoseThatATypeTells) {
+  static cardan_device_family silent = *registry().devices.find("tank");
+  silent.type = "silent_tank", silent.mass_tangent = nullptr;
+  Registry all = registry();
+  all.devices.add(silent);
+  const double radius = 0.5, density = 900.0, full = density * 4.0 / 3.0 * std::numbers::pi * radius * radius * radius;
+  for (const double part : {0.3, 0.5, 0.8}) {
+    SystemSpec spec = system({on(rigid("bus", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "free")});
+    DeviceSpec d = with_vector(tank("bus", part * full, radius, ""), "axis", {0.36, -0.48, 0.8});
+    d.inputs.clear();
+    d.params["density"] = number(density), d.params["fill"].value = std::string("settled");
+    spec.devices = {d, d};
+    spec.devices[1].name = "silent", spec.devices[1].type = "silent_tank";
+    const auto model = compile(spec, all);
+    const double z[] = {part * full, part * full}, dz[] = {-2.0, -2.0}, marks[] = {0.0, 0.0};
+    const cardan_mass told = mass_rate(model->devices, model->devices.all[0], z, marks, dz),
+                      found = mass_rate(model->devices, model->devices.all[1], z, marks, dz);
+    for (int i = 0; i < 10; ++i) EXPECT_NEAR((&found.mass)[i], (&told.mass)[i], 1e-11) << part << ", " << i;
+  }
 }
 
 /// Mass, mass centre and moments of what is in the tank, by sums over a fine grid.

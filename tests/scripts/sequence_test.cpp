@@ -159,6 +159,25 @@ local wanted = { { "at rest", function() return m.told end, { 0, 0, true } },
 )lua");
 }
 
+/// To which side a number has passed that was waited for from either: there it has risen in the same instant, and it has not fallen.
+TEST(Sequences, KnowToWhichSideANumberHasPassed) {
+  expect_good(R"lua(
+mission { duration = "6 s", output = { period = "6 s" } }
+for name, sign in pairs { up = 1, down = -1 } do
+  local function x(t) return sign * (t - 1.3) end
+  sequence { name = name, run = function()
+    wait_until(x)
+    m[name] = { math.abs(mission.time() - 1.3) < 1e-9 }
+    local now = mission.time()
+    table.insert(m[name], wait_until(x, { direction = sign > 0 and "rising" or "falling", timeout = "1 s" }))
+    table.insert(m[name], mission.time() == now)
+    table.insert(m[name], wait_until(x, { direction = sign > 0 and "falling" or "rising", timeout = "1 s" }))
+  end }
+end
+local wanted = { { "up", function() return m.up end, { true, true, true, false } }, { "down", function() return m.down end, { true, true, true, false } } }
+)lua");
+}
+
 /// Within the first step after a wait has begun: after one that changed nothing, at the zero of another condition, after a timeout.
 TEST(Sequences, ZerosThatComeAtOnceAreFound) {
   expect_good(R"lua(

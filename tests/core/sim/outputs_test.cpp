@@ -9,6 +9,7 @@
 #include "core/sim/simulation.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/four_bar.hpp"
+#include "tests/support/modal_samples.hpp"
 
 namespace cardan::test {
 namespace {
@@ -51,6 +52,21 @@ TEST(Outputs, ReactionsAreInAxesOfThePnodeAndAccelerationsInThoseOfTheWorld) {
   EXPECT_LT((recorded(sim, "nodes/arm.tip/position", wanted) - place).norm(), 1e-11);
   EXPECT_LT((recorded(sim, "nodes/arm.tip/velocity", wanted) - w * Vector3d(0, 0, 1).cross(place)).norm(), 1e-11);
   EXPECT_LT((recorded(sim, "nodes/arm.tip/acceleration", wanted) + w * w * place).norm(), 1e-11);
+}
+
+TEST(Outputs, CountModesFromOne) {
+  const ModalData data = lumped();
+  std::vector<std::string> wanted;
+  for (int j = 1; j <= data.K.rows(); ++j) wanted.push_back(std::to_string(j));
+  BodySpec boom = on(BodySpec(), "", "revolute", {{0, 1, 0}});
+  boom.name = "boom", boom.type = "modal_flexible", boom.level = 0, boom.modal = std::make_shared<const ModalData>(data);
+  Simulation sim(compiled(system({boom})), {});
+  for (const std::string path : {"modes/boom/eta", "modes/boom/etadot"}) {
+    const std::vector<Output> all = standard_outputs(sim);
+    const auto found = std::ranges::find(all, path, [](const Output& o) { return o.channel.path; });
+    ASSERT_NE(found, all.end()) << path;
+    EXPECT_EQ(found->channel.components, wanted) << path;
+  }
 }
 
 /// A body that a weld alone holds against its weight, at a place beside its mass centre.

@@ -535,6 +535,23 @@ TEST(EventFinder, InADividedStepTheStateHasPassed) {
   EXPECT_LE(*fall(t, 0.0), 0.0);
 }
 
+/// A corner is located by states that are less accurate: where these have passed it, and so ends the step, though the accurate one is still
+/// a little before it.
+TEST(EventFinder, ACornerHasPassedWhereItWasLocated) {
+  OdeProblem p;
+  p.n_roots = p.n_corners = 1;
+  p.roots = [](double, const double* x, double* g) { g[0] = x[0] - 0.5; };
+  EventFinder finder(p);
+  double x = 0.0, end = 1.0;
+  const auto state_at = [&](double t) { return x = t, &x; };
+  const auto near_at = [&](double t) { return x = t + 1e-4 * t * (1.0 - t), &x; };
+  finder.restart(0.0, &x);
+  ASSERT_TRUE(finder.find(end, state_at, near_at, [&](double t, double dt) { return state_at(t + dt); }));
+  EXPECT_LT(end, 0.5);
+  EXPECT_NEAR(end, 0.5, 3e-5);
+  EXPECT_EQ(finder.crossed()[0], 1);
+}
+
 /// Functions of one surface, each rounded by itself, as those of places far from the origin are. Whatever is on the other side at the state
 /// of an event has passed, and nothing else, where their own crossings are a little before or later: nobody would ever tell of it.
 TEST(EventFinder, TheStateOfAnEventTellsWhatHasPassed) {

@@ -227,6 +227,38 @@ TEST(RungeKutta, IntegralsOverLongStepsTellWhatTheyAreOffByAtEachPhase) {
     }
 }
 
+/// The estimate of the code DOP853 [Hairer, Norsett, Wanner 1993, II.10]: of the errors of fifth and of third order,
+/// e5^2 / sqrt(e5^2 + 0.01 e3^2), for one step of a rate of time alone.
+TEST(RungeKutta, IntegralsOfDop853TellTheEstimateOfItsAuthors) {
+  const double b[] = {0.0542937341165687622380535766363, 4.45031289275240888144113950566,  1.89151789931450038304281599044,
+                      -5.8012039600105847814672114227,   0.31116436695781989440891606237,  -0.152160949662516078556178806805,
+                      0.201365400804030348374776537501,  0.0447106157277725905176885569043};
+  const double e5[] = {0.01312004499419488073250102996, -1.225156446376204440720569753,  -0.4957589496572501915214079952,
+                       1.664377182454986536961530415,   -0.3503288487499736816886487290, 0.3341791187130174790297318841,
+                       0.08192320648511571246570742613, -0.02235530786388629525884427845};
+  const double places[] = {0.0, 1.0 / 3.0, 0.25, 4.0 / 13.0, 127.0 / 195.0, 0.6, 6.0 / 7.0, 1.0};
+  const auto rate = [](double t) { return std::exp(1.3 * t); };
+  for (const double h : {0.2, 1.0, 3.0}) {
+    double third = -0.244094488188976377952755905512 * rate(0.0) - 0.733846688281611857341361741547 * rate(h * places[4]) -
+                   0.220588235294117647058823529412e-1 * rate(h),
+           fifth = 0.0;
+    for (std::size_t i = 0; i < std::size(b); ++i) third += b[i] * rate(h * places[i]), fifth += e5[i] * rate(h * places[i]);
+    OdeProblem p = problem(1, [](double, const double*, double* xdot) {
+      xdot[0] = 1.0;
+      return true;
+    });
+    p.integrands = [&](double t, const double*, double* ydot) { ydot[0] = rate(t); };
+    p.n_quadrature = 1;
+    auto integrator = make_integrator(p, equal_steps("dop853", h));
+    double x = 0.0, y = 0.0, error = 0.0;
+    integrator->restart(0.0, &x);
+    ASSERT_EQ(integrator->step(h, &x).t, h);
+    integrator->integrals(h, &y, &error);
+    const double wanted = h * fifth * fifth / std::sqrt(fifth * fifth + 0.01 * third * third);
+    EXPECT_NEAR(error, wanted, 1e-6 * wanted + 1e-15) << h;
+  }
+}
+
 TEST(RungeKutta, FixedStepsDivideTheIntervalEvenly) {
   double x[2] = {1.0, 0.0};
   auto integrator = make_integrator(oscillator(), rk4(0.3));

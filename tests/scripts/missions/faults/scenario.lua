@@ -20,7 +20,10 @@ wheel:fault { port = "rate", scale = -1, from = "1 s", until_ = "2 s" }
 gyro:fault { port = "rate_z", bias = "0.02 rad/s", from = "1 s", until_ = "2 s" }
 noisy:fault { port = "rate", noise = { "0 rad/s", "0.1 deg/s", "0.2 deg/s" } }
 
-local log = persist { n = 0, y = 0, yy = 0, z = 0, zz = 0, yz = 0, worst = 0, h = 0, late = 0 }
+-- Begin and end are those of ticks, whatever rounding makes of 0.1 s times a number.
+gyro:fault { port = "rate_x", stuck = 1, from = 0.1 * 3, until_ = 0.1 * 6 }
+
+local log = persist { beside = 0, n = 0, y = 0, yy = 0, z = 0, zz = 0, yz = 0, worst = 0, h = 0, late = 0 }
 local function expect(t, x, what)
   local told = gyro:get "rate_z"
   log.worst = math.max(log.worst, math.abs(told - x))
@@ -35,6 +38,7 @@ controller { name = "looks", rate = "10 Hz", step = function(t)
   if t > 5.95 and t < 6.05 then gyro:fault { port = "rate", scale = { 1, 1, -1 } } end
   if t > 7.95 and t < 8.05 then wheel:fault { port = "torque", stuck = 0 } gyro:mend "rate" end
   local k = math.floor(t * 10 + 0.5) / 10
+  if k < 5 then log.beside = math.max(log.beside, math.abs(gyro:get "rate_x" - (k >= 0.3 and k < 0.6 and 1 or 0))) end
   if k < 1 then expect(t, rate(t), "sound")
   elseif k < 2 then expect(t, rate(t) + 0.02, "bias")
   elseif k < 3 then expect(t, rate(t), "sound again")
@@ -78,6 +82,7 @@ for i, at in ipairs { 3.53, 5.23 } do
 end
 local function of(x) return function() return x() / log.n end end
 check { name = "worst reading", unit = "rad/s", value = function() return log.worst end, below = 1e-9 }
+check { name = "beside a tick", unit = "rad/s", value = function() return log.beside end, below = 1e-9 }
 check { name = "worst late reading", unit = "rad/s", value = function() return log.late end, below = 1e-9 }
 check { name = "rate of the bus", unit = "rad/s", value = function() return select(3, bus:rate()) end, equal = { 0.065, tolerance = 1e-11 } }
 -- Four standard deviations of the mean of 1000.
