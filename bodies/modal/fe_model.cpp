@@ -56,10 +56,10 @@ RigidShapes FeModel::rigid_shapes() const {
   return R;
 }
 
-MatrixXd FeModel::Grip::of(const MatrixXd& shapes, int per_node) const {
+MatrixXd FeModel::Grip::of(const MatrixXd& shapes, int dofs) const {
   MatrixXd rows(B.cols(), shapes.cols());
   for (std::size_t i = 0; i < nodes.size(); ++i)
-    rows.middleRows(per_node * static_cast<Eigen::Index>(i), per_node) = shapes.middleRows(per_node * nodes[i], per_node);
+    rows.middleRows(dofs * static_cast<Eigen::Index>(i), dofs) = shapes.middleRows(dofs * nodes[i], dofs);
   return B * rows;
 }
 

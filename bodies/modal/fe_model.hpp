@@ -50,8 +50,8 @@ struct FeModel {
   struct Grip {
     Eigen::Vector3d position = Eigen::Vector3d::Zero();
     std::vector<int> nodes;
-    Eigen::MatrixXd B;  // 6 x dofs of the nodes: displacement, then rotation of the frame
-    Eigen::MatrixXd of(const Eigen::MatrixXd& shapes, int per_node) const;  // 6 x m
+    Eigen::MatrixXd B;                                                  // 6 x dofs of the nodes: displacement, then rotation of the frame
+    Eigen::MatrixXd of(const Eigen::MatrixXd& shapes, int dofs) const;  // 6 x m; dofs: of a node
   };
   std::optional<Grip> grip(const Eigen::Vector3d& position, const std::vector<int>& nodes) const;
   /// The nodes that share an element with this one, and it: those that K couples with it.

@@ -7,8 +7,8 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
-#include <ranges>
 #include <set>
+#include <span>
 
 #include "core/base/units.hpp"
 #include "core/base/utf8.hpp"
@@ -154,7 +154,8 @@ class VehicleText {
         for (const auto& [known, all] : ids)
           if (legal.size() < 1000) legal.push_back(known);
         refuse(Code::unknown_name, {"--initial"},
-               fmt::format("the name of a joint with one coordinate: {}{}", fmt::join(legal | std::views::take(20), ", "),
+               fmt::format("the name of a joint with one coordinate: {}{}",
+                           fmt::join(std::span(legal).first(std::min<std::size_t>(20, legal.size())), ", "),
                            legal.empty()       ? "there is none"
                            : legal.size() > 20 ? ", ..."
                                                : ""),

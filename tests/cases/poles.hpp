@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/operators/linear_model.hpp"
+#include "core/operators/system_modes.hpp"
 #include "core/sim/simulation.hpp"
 #include "tests/support/worse.hpp"
 

@@ -129,7 +129,7 @@ TEST(PulseModulator, GoesOnForItsShortestPulse) {
     Simulation sim(compiled(spec), accurate());
     const int command = sim.model().devices.all[1].in;
     sim.set_device_input(command, part);
-    sim.every({1, 10}, [&] { sim.set_device_input(command, sim.time() < until ? part : 0.0); });
+    sim.every({1, 10}, [&, part = part, until = until] { sim.set_device_input(command, sim.time() < until ? part : 0.0); });
     sim.run(1.0);
     EXPECT_NEAR(sim.state().v[5], open / 100.0, 1e-12) << when_short << " " << part << " until " << until;
   }
