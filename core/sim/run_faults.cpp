@@ -164,7 +164,7 @@ void Simulation::say_stiff() {
   const bool explains = fastest.rate * h >= kExplains;
   const std::string why = !(fastest.rate > 0) ? ""
                           : explains          ? fmt::format("; fastest is {}, {:.3g} 1/s", fastest.what, fastest.rate)
-                                              : "; no mode, spring or damper is that fast: look at friction and contacts";
+                                     : "; no mode, spring or damper is that fast: look at friction, contacts and states of devices";
   warn(Code::stiff_scene, {"integrator.method", {}},
        fmt::format("stability and not accuracy sets the steps of {}, {:.2g} s: {:.1e} of them to t = {:g} s{}", integrator_name(), h,
                    (t_end_ - state_.t) / h, t_end_, why),

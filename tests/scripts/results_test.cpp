@@ -1,5 +1,6 @@
 // What becomes of the results of a run: whatever happens to it, to the folder or to its output, none is lost and none is false.
 #include <fcntl.h>
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 #include <sys/file.h>
 #include <sys/resource.h>

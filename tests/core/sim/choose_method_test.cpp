@@ -116,7 +116,8 @@ TEST(ChooseMethod, TellsOfDevicesWhereStabilitySetsTheSteps) {
 /// Where what a device damps sets the steps, its swing is not told as the reason.
 TEST(ChooseMethod, TellsNoSwingThatIsFarTooSlowForTheSteps) {
   const std::string told = told_with_damping(5e3, 1.0);
-  EXPECT_NE(told.find(" s; no mode, spring or damper is that fast: look at friction and contacts"), std::string::npos) << told;
+  EXPECT_NE(told.find(" s; no mode, spring or damper is that fast: look at friction, contacts and states of devices"), std::string::npos)
+      << told;
 }
 
 TEST(ChooseMethod, CountsTheStepsThatDevicesEndByThemselves) {

@@ -7,7 +7,7 @@ local cluster = cmg.cluster(axes, { max_rate = 0.5 })
 local sat = vehicle "vehicle.yaml"
 local bus, gimbal, rotor, motor = sat:body "bus", {}, {}, {}
 for i = 1, 4 do gimbal[i], rotor[i], motor[i] = sat:hinge("gimbal_" .. i), sat:hinge("rotor_" .. i), sat:device("motor_" .. i) end
-mission { duration = "100 s", integrator = { method = "dopri5", relative = 1e-10 }, output = { rate = "1 Hz" } }
+mission { duration = "100 s", integrator = { method = "dopri5", relative = 1e-10, max_step = "3 ms" }, output = { rate = "1 Hz" } }   -- currents are stable up to 7 ms
 
 local function list(f)
   local out = {}
