@@ -12,6 +12,7 @@
 #include "core/linalg/dense.hpp"
 #include "core/sim/simulation.hpp"
 #include "core/sim/vehicle_linear_part.hpp"
+#include "tests/properties/random_devices.hpp"
 #include "tests/support/builders.hpp"
 #include "tests/support/modal_samples.hpp"
 #include "tests/support/random_tree.hpp"
