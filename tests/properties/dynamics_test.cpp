@@ -8,6 +8,7 @@
 #include "core/linalg/dense.hpp"
 #include "core/reference/dense_dynamics.hpp"
 #include "core/reference/quad.hpp"
+#include "core/sim/simulation.hpp"
 #include "tests/properties/trees.hpp"
 
 namespace cardan::test {

@@ -9,6 +9,8 @@
 namespace cardan::test {
 namespace {
 
+using Eigen::Vector3d;
+
 /// One device of a vehicle with a hub "bus" on a hinge "bus.angle", to be asked at any numbers.
 class Asked {
  public:

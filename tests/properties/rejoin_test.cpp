@@ -5,6 +5,7 @@
 
 #include "core/base/diagnostic.hpp"
 #include "core/sim/simulation.hpp"
+#include "tests/properties/random_devices.hpp"
 #include "tests/properties/trees.hpp"
 
 namespace cardan::test {
