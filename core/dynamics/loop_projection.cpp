@@ -118,7 +118,7 @@ bool LoopProjection::close(double* q, double* v, const LoopDrive* drives) {
     if (!std::isfinite(now)) return false;
     const auto closed = [&](double open, double was) { return open <= kClosed || (i > 0 && open > 0.5 * was && was < stalled()); };
     if (closed(now, before)) break;
-    if (embedded && i > 0 && now > 0.5 * before && now <= kTyped) embedded = false, before = std::numeric_limits<double>::infinity();
+    if (embedded && i > 0 && now > 0.5 * before) embedded = false, before = std::numeric_limits<double>::infinity();
     if (implied && now > stalled() && now <= kTyped) {  // is it open by that alone which nothing can close?
       const int row = worst_;
       agreed_ = work.c;
