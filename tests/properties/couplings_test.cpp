@@ -581,7 +581,7 @@ TEST(Couplings, ALengthThatOtherRowsImplyIsLeftOpenUpToItsLimit) {
     EXPECT_LE(largest(s.q - start.q), 10.0 * open) << "legs of half a metre, a row over a metre";
     return std::optional(projection.left_open());
   };
-  // Which of the rows stays open pivots choose: it has a share of the length.
+  // By least squares each of the rows that contradict each other has a share of the length.
   const auto small = left_open(1e-7);
   ASSERT_TRUE(small && *small > 0.1e-7 && *small <= 1e-7);
   const double share = *small / 1e-7;

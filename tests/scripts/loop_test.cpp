@@ -511,16 +511,18 @@ TEST(LoopsOfAMission, AsDrawingsHaveThemMoveAsWithAllDigits) {
        {{"close", "next", "world", 0.4 * d, d}}},
   };
   for (const Drawn& mechanism : drawn) {
+    // The legs go on to where two are nearly in line: which row counts there would matter, were rows not reconciled.
+    const bool legs = mechanism.parts.size() == 4;
     std::string err;
     const auto run = [&](int decimals, bool given) {
-      return run_with(mechanism.printed(decimals, given), "0.4", "sat:hinge('crank'):angle()", err);
+      return run_with(mechanism.printed(decimals, given), legs ? "2" : "0.4", "sat:hinge('crank'):angle()", err);
     };
     const double exact = run(15, true);
     EXPECT_EQ(err, "");
     for (const int decimals : {10, 8, 7, 6, 5})
       for (const bool given : {true, false}) {
-        EXPECT_NEAR(run(decimals, given), exact, 20.0 * std::pow(10.0, -decimals)) << decimals << "\n"
-                                                                                   << mechanism.printed(decimals, given);
+        const double digit = std::pow(10.0, -decimals);
+        EXPECT_NEAR(run(decimals, given), exact, (legs ? 100.0 : 20.0) * digit) << decimals << "\n" << mechanism.printed(decimals, given);
         EXPECT_NE(err.find("W0302"), std::string::npos) << err;
         EXPECT_EQ(err.find("W0308"), std::string::npos) << err;
       }
