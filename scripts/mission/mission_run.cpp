@@ -170,9 +170,9 @@ void MissionRun::run(double t_end, const std::function<void(double t)>& progress
     told_by_events([&] { s_.sim->run(t_end, progress); });
     add_limits();
     look_elsewhere();
-    if (scripts_act(s_)) s_.warnings.add(s_.changes.without_effect()), s_.warnings.add(still_hinges(*s_.sim));
-    s_.warnings.add(open_latches(*s_.sim)), s_.warnings.add(faults_to_come(*s_.sim)), s_.warnings.add(never_happened()),
-        s_.warnings.add(s_.sequences.unfinished());
+    if (scripts_act(s_)) add_seen_now(s_.changes.without_effect()), add_seen_now(still_hinges(*s_.sim));
+    add_seen_now(open_latches(*s_.sim)), add_seen_now(faults_to_come(*s_.sim)), add_seen_now(never_happened()),
+        add_seen_now(s_.sequences.unfinished());
     note_warnings();
   } catch (const InputError& e) {
     add_limits();
@@ -233,6 +233,10 @@ void MissionRun::look_elsewhere() {
 void MissionRun::add_limits() {
   s_.warnings.add(limits_.seen());
   note_warnings();
+}
+
+void MissionRun::add_seen_now(const Warnings& found) {
+  for (const Warning& w : found.all()) s_.warnings.add(w.what, s_.sim->time());
 }
 
 Warnings MissionRun::never_happened() const {

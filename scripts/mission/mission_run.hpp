@@ -44,6 +44,7 @@ class MissionRun {
   void tick(const Controller&, const std::string& actor);
   void look_elsewhere();
   void add_limits();
+  void add_seen_now(const Warnings& found);
   void remember(Archive& archive);
   void make_checkpoint();
   Warnings never_happened() const;  // events that are looked at until they happen once

@@ -285,6 +285,8 @@ sequence { name = "c", start = false, run = function() end }
   EXPECT_TRUE(has(run.err, "it still waited for a zero that is located, timeout of 9 s (scenario.lua:8)")) << run.err;
   EXPECT_TRUE(has(run.err, "it still waited for a condition that is looked at every 0.1 s (scenario.lua:9)")) << run.err;
   EXPECT_TRUE(has(run.err, "nothing has started it\n  --> ./scenario.lua:10\n  at: sequence \"c\"")) << run.err;
+  const std::vector<double> seen = Hdf5File::open(dir / "out/run.h5").read_doubles("/run/warnings/t").values;
+  EXPECT_EQ(seen, std::vector<double>(3, 1.0)) << "seen at the end, not before the run";
 }
 
 TEST(Sequences, AreListedByCheckAndDescribe) {
