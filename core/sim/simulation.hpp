@@ -58,10 +58,10 @@ class TwinDynamics;
 /// Where a function of (t, q, v) crosses zero, something happens between two steps.
 struct Event {
   std::string name;
-  std::function<double(double t, const double* q, const double* v)> function;
-  int direction = 0;             // +1 rising, -1 falling, 0 both
-  std::function<void()> action;  // may change commands and state, and stop the run
-  bool noted = true;             // in the results
+  std::function<double(double t, const double* q, const double* v)> function;  // behind v stand the states z of devices
+  int direction = 0;                                                           // +1 rising, -1 falling, 0 both
+  std::function<void()> action;                                                // may change commands and state, and stop the run
+  bool noted = true;                                                           // in the results
 };
 
 /// Quantities written at each output time.

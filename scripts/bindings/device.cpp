@@ -87,10 +87,21 @@ int device_set(lua_State* L) {
   return 0;
 }
 
+/// Inside of an event's `when` states alone are known: which of the model argument 2 names; -1: none.
+int state_at_trial(lua_State* L, const Device& d) {
+  for (std::uint32_t i = 0; i < d.family->n_states; ++i)
+    if (lua_type(L, 2) == LUA_TSTRING && std::string_view(lua_tostring(L, 2)) == d.family->states[i].name) return d.z + static_cast<int>(i);
+  return -1;
+}
+
 int device_get(lua_State* L) {
   const Handle& h = self<Kind::device>(L);
   Scenario& s = *h.scenario;
-  expect_state(L, s, "a number of a device");
+  if (const int state = s.in_event_function ? state_at_trial(L, device_of(h)) : -1; state >= 0) {
+    lua_pushnumber(L, s.z[state]);
+    return 1;
+  }
+  expect_state(L, s, "a number of a device that is none of its states");
   using What = Place::What;
   const Place p = place(L, h, {What::output, What::input, What::state, What::mark});
   s.sim->observe();

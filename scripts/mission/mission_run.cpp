@@ -273,7 +273,7 @@ void MissionRun::tick(const Controller& c, const std::string& actor) {
 
 /// The function of an event at a trial state. It may not throw through the integrator: its failure is kept for run().
 double MissionRun::crossing(const LuaFunction& when, const std::string& actor, double t, const double* q, const double* v) {
-  s_.q = q, s_.v = v, s_.trial_time = t, s_.in_event_function = true;
+  s_.q = q, s_.v = v, s_.z = v + s_.sim->model().nv, s_.trial_time = t, s_.in_event_function = true;
   double value = std::nan("");
   const Acting acting(s_, actor);
   try {

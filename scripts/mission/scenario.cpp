@@ -58,6 +58,7 @@ Scenario::~Scenario() = default;
 void Scenario::look_at_state() {
   q = sim->state().q.data();
   v = sim->state().v.data();
+  z = sim->state().z.data();
 }
 
 CompileOptions Scenario::compile_options() const {

@@ -165,10 +165,10 @@ struct Scenario {
 
   // What handles see
   Stage stage = Stage::setup;
-  std::string_view phase;                   // name of the present one; empty before the first and after the last
-  double phase_begun = 0.0;                 // [s]
-  std::optional<std::size_t> wanted_phase;  // that a function asked for: it begins when that has returned
-  const double *q = nullptr, *v = nullptr;  // the state, or the trial state of an event function
+  std::string_view phase;                                 // name of the present one; empty before the first and after the last
+  double phase_begun = 0.0;                               // [s]
+  std::optional<std::size_t> wanted_phase;                // that a function asked for: it begins when that has returned
+  const double *q = nullptr, *v = nullptr, *z = nullptr;  // the state, of devices behind it, or the trial state of an event function
   bool in_event_function = false;
   bool in_device = false;   // a function of device{...} runs
   double trial_time = 0.0;  // [s] of an event function

@@ -148,7 +148,7 @@ function phase(options) end
 
 ---@class EventOptions
 ---@field name string
----@field when fun(t: number): number zero at the event; reads t, coordinates and rates of hinges and modes, nothing else
+---@field when fun(t: number): number zero at the event; reads t, coordinates and rates of hinges and modes, states of devices, nothing else
 ---@field direction? "rising"|"falling"|"both" default both
 ---@field once? boolean not looked at after it has happened; beside direction
 ---@field action? fun(t: number) called at the crossing; may set commands
