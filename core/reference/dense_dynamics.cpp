@@ -1,5 +1,7 @@
 #include "core/reference/dense_dynamics.hpp"
 
+#include <algorithm>
+
 #include "core/reference/factor.hpp"
 #include "core/reference/quad.hpp"
 
@@ -120,14 +122,18 @@ Field<T> gravity_field(const DenseGravity<T>& spec, const Vec3<T>& x) {
     out.gradient = gradient_of(here);
     const double size = Eigen::Map<const Eigen::Matrix3d>(here.data() + 3).norm();
     if (size == 0.0) return out;
-    const double h = 1e-3 * Eigen::Map<const Eigen::Vector3d>(here.data()).norm() / size;  // of the length over which it varies
-    for (int j = 0; j < 3; ++j) {
-      Vec3<T> step = Vec3<T>::Zero();
-      step[j] = T(h);
-      const Mat3<T> near = gradient_of(at(x + step)) - gradient_of(at(x - step)),
-                    far = gradient_of(at(x + 2 * step)) - gradient_of(at(x - 2 * step));
-      out.bend[j] = (8 * near - far) / T(12 * h);
-    }
+    const double length = Eigen::Map<const Eigen::Vector3d>(here.data()).norm() / size;  // over which it varies
+    const auto across = [&](int j, double h) {
+      const Vec3<T> step = T(h) * Vec3<T>::Unit(j);
+      return Mat3<T>(gradient_of(at(x + step)) - gradient_of(at(x - step)));
+    };
+    // By differences of fourth order; where what the field knows ends within them, as at a surface, by narrow ones; at its very end by
+    // none.
+    const double h = 1e-3 * length, narrow = 1e-5 * length;
+    const auto known = [&] { return std::ranges::all_of(out.bend, [](const Mat3<T>& B) { return (B - B).cwiseEqual(T(0)).all(); }); };
+    for (int j = 0; j < 3; ++j) out.bend[j] = (8 * across(j, h) - across(j, 2 * h)) / T(12 * h);
+    for (int j = 0; j < 3 && !known(); ++j) out.bend[j] = across(j, narrow) / T(2 * narrow);
+    if (!known()) std::ranges::fill(out.bend, Mat3<T>::Zero());
   }
   return out;
 }

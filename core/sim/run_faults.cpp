@@ -205,13 +205,16 @@ void Simulation::say_whirling() {
        "(`sequence`)");
 }
 
-/// "field earth (acme/oblate): earth is asked beyond its limit inside: ..."; empty where nothing is wrong with it in the last evaluation.
+/// "field earth (acme/oblate) at bus: earth is asked beyond its limit inside: ..."; empty where nothing is wrong with it in the last
+/// evaluation.
 std::string Simulation::told_of_gravity() const {
   for (std::size_t k = 1; gravity_field_ >= 0 && k < model_->bodies.size(); ++k) {
     const Field& field = model_->fields[static_cast<std::size_t>(gravity_field_)];
     const int beyond = gravity_beyond(static_cast<int>(k));
     const std::string told = beyond == -1 ? fmt::format("gravity of {} is not finite", told_name(field)) : told_beyond(field, beyond);
-    if (!told.empty()) return fmt::format("field {} ({}): {}", field.name, field.source->family->type, told);
+    if (!told.empty())
+      return fmt::format("field {} ({}) at {}: {}", field.name, field.source->family->type,
+                         model_->user[static_cast<std::size_t>(model_->owner[k])].name, told);
   }
   return {};
 }

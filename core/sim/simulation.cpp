@@ -586,6 +586,7 @@ const Observer& Simulation::observe() {
     pack(x.data());
     const auto look = [&] {
       if (!evaluate(state_.t, state_.t, x.data(), vdot_.data())) fail(explain({Code::not_finite, state_.t, "", "", "", "", ""}));
+      if (!prescribed_.empty() && !told_of_gravity().empty()) fail(explain({}));  // no rate hangs on what pulls on a given motion
       observer_->update(inputs(state_.q.data(), state_.v.data()), vdot_.data());
       if (devices_ && !devices_->complete(workspace_, inputs(state_.q.data(), state_.v.data()))) fail(explain({}));
     };

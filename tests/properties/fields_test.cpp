@@ -407,7 +407,8 @@ TEST(FieldGravity, BeyondItsLimitEndsTheRunByName) {
   spec.gravity.kind = GravitySpec::Kind::field;
   spec.gravity.fields = {"attractor"};
   Simulation sim(compile(spec, with_runner<CARDAN_FIELD_POTENTIAL>()), {});
-  EXPECT_EQ(failure(sim, 1.0, Code::field_failed), "field attractor (runner): attractor is asked beyond its limit near: nearer than 0.1 m");
+  EXPECT_EQ(failure(sim, 1.0, Code::field_failed),
+            "field attractor (runner) at stone: attractor is asked beyond its limit near: nearer than 0.1 m");
   EXPECT_GT(sim.time(), 0.4);
 }
 
@@ -535,17 +536,19 @@ TEST(Fields, OfGravityEndARunBeyondEachLimitThatIsNotHeld) {
     if (method == "rk4") options.integrator.fixed_step = 0.01;
     spec.fields[0].hold = false;
     Simulation refused(compile(spec, with_limits()), options);
-    EXPECT_EQ(failure(refused, 10.0, Code::field_failed), "field floor (plank): floor is asked beyond its limit wall: out of the box")
+    EXPECT_EQ(failure(refused, 10.0, Code::field_failed),
+              "field floor (plank) at stone: floor is asked beyond its limit wall: out of the box")
         << method;
     EXPECT_NEAR(refused.time(), 1.0, 0.02) << method;
     spec.fields[0].hold = true;
     Simulation held(compile(spec, with_limits()), options);
-    EXPECT_EQ(failure(held, 10.0, Code::field_failed), "field floor (plank): floor is asked beyond its limit far: far away") << method;
+    EXPECT_EQ(failure(held, 10.0, Code::field_failed), "field floor (plank) at stone: floor is asked beyond its limit far: far away")
+        << method;
     EXPECT_NEAR(held.time(), 2.0, 0.02) << method;
     SystemSpec slow = spec;
     slow.bodies[0].hinge.v[3] = 0.1;
     Simulation late(compile(slow, with_limits()), options);
-    EXPECT_EQ(failure(late, 10.0, Code::field_failed), "field floor (plank): floor is asked beyond its limit late: after the end")
+    EXPECT_EQ(failure(late, 10.0, Code::field_failed), "field floor (plank) at stone: floor is asked beyond its limit late: after the end")
         << method;
     EXPECT_NEAR(late.time(), 3.0, 0.02) << method;
   }
