@@ -71,6 +71,13 @@ int hinge_force(lua_State* L) {
   const UserBody& u = h.user();
   expect_state(L, s, "a command");
   const double x = command(L, 2, s, "force on hinge", u.name);
+  if (held(h)) {  // a controller goes on while the mission has its hinge locked
+    component(L, 3, names_of(u.hinge->v_names, u.hinge->nv), u);
+    if (x != 0.0)
+      s.sim->warn(Code::no_effect, {"hinge of " + u.name, LuaHost::caller(L)}, "it is locked: a force on it has no effect",
+                  "commands begin anew when it is let go");
+    return 0;
+  }
   const int v = u.v + component(L, 3, u.v_names, u);
   if (s.sim->model().has_given_motion(v))
     refuse(L, Code::lua_argument, "hinge of " + u.name, "a component that is free to move", "a prescribed one",
@@ -82,6 +89,11 @@ int hinge_applied(lua_State* L) {
   const Handle& h = self<Kind::hinge>(L);
   Scenario& s = *h.scenario;
   expect_state(L, s, "the force on a hinge");
+  if (held(h)) {
+    component(L, 2, names_of(h.user().hinge->v_names, h.user().hinge->nv), h.user());
+    lua_pushnumber(L, 0.0);
+    return 1;
+  }
   const int v = h.user().v + component(L, 2, h.user().v_names, h.user());
   if (!s.sim->model().has_given_motion(v)) {
     lua_pushnumber(L, s.sim->force(v));

@@ -546,6 +546,27 @@ end
   EXPECT_NE(unknown.err.find("expected: 1 to 2, or a name: angle_1, angle_2"), std::string::npos) << unknown.err;
 }
 
+TEST(Topology, AControllerGoesOnWhileItsHingeIsHeld) {
+  constexpr const char* kPushes = R"lua(
+local arm, held = sat:hinge "arm", nil
+controller { name = "motor", rate = "10 Hz", step = function(t)
+  arm:torque(0.5)
+  if mission.phase() == "held" then held = arm:applied() end
+end }
+phase { name = "free", duration = 1, exit_ = function() sat:lock "arm" end }
+phase { name = "held", duration = 1, exit_ = function() sat:unlock "arm" end }
+phase { name = "free again" }
+check { name = "held", value = function() return held end, equal = { 0, tolerance = 0 } }
+check { name = "free", value = function() return arm:applied() end, equal = { 0.5, tolerance = 0 } }
+)lua";
+  const TemporaryFolder dir;
+  const Finished run = mission(dir, kPushes);
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+  const std::string told = summary_of(dir / "out").at("warnings").dump();
+  EXPECT_NE(told.find("it is locked: a force on it has no effect"), std::string::npos) << told;
+  EXPECT_EQ(rows(dir / "out", "hinges/arm/force")[15], std::vector<double>{0.0}) << "what is recorded while it is held";
+}
+
 // Six velocities more for each body that is let go of: what reads all of them follows the vehicle.
 TEST(Topology, DrivesAreReadOnceBodiesHaveParted) {
   const TemporaryFolder dir;
