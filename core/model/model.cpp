@@ -54,6 +54,7 @@ State Model::initial_state() const {
       std::ranges::copy(initial_coordinates(*u.hinge, u.hinge_packed.data(), b.hinge.q), s.q.begin() + u.q);
       for (std::size_t j = 0; j < b.hinge.v.size() && j < static_cast<std::size_t>(u.nv); ++j)
         s.v[u.v + static_cast<int>(j)] = b.hinge.v[j];
+      for (const auto& [component, rate] : b.hinge.begins) s.v[u.v + component] = rate;
     }
     for (std::size_t j = 0; j < b.eta.size() && j < static_cast<std::size_t>(u.n_modes); ++j) s.q[u.eta + static_cast<int>(j)] = b.eta[j];
     for (std::size_t j = 0; j < b.etadot.size() && j < static_cast<std::size_t>(u.n_modes); ++j)

@@ -67,8 +67,10 @@ struct HingeSpec {
   // O and P may also be given in place, without a node name; used when the name is empty:
   Eigen::Vector3d onode_position = Eigen::Vector3d::Zero(), pnode_position = Eigen::Vector3d::Zero();  // [m]
   Eigen::Matrix3d onode_R = Eigen::Matrix3d::Identity(), pnode_R = Eigen::Matrix3d::Identity();        // node axes to body axes
-  ParamValues params;           // checked against the family's schema by compile()
-  std::vector<double> q, v;     // initial values; empty = the family's zero
+  ParamValues params;        // checked against the family's schema by compile()
+  std::vector<double> q, v;  // initial values; empty = the family's zero
+  /// Of prescribed components, in place of v: with what their profiles begin. Nothing is given by that to the others of the hinge.
+  std::vector<std::pair<int, double>> begins;
   bool locked = false;          // held at q: no velocity components
   std::vector<int> prescribed;  // velocity components whose motion is given as a function of time
   std::vector<SpringDamper> springs;

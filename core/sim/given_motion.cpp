@@ -130,23 +130,27 @@ void Simulation::expect_profiles() {
   start_lengths();
 }
 
-std::vector<std::pair<const Loop*, double>> Simulation::lengths_that_begin_otherwise() {
+std::vector<std::pair<const Loop*, double>> Simulation::loops_that_begin_otherwise() {
   std::vector<std::pair<const Loop*, double>> out;
-  if (drives_.empty()) return out;
+  if (!loops_ || (prescribed_.empty() && drives_.empty())) return out;
   const Eigen::VectorXd rates = loop_matrix(*model_, workspace_, state_.q.data(), drives_.data()) * state_.v;
   observed_ = ledger_known_ = false;
   const double limit = kGivenOpen * scale_of_rates();
-  for (const Loop& loop : model_->loops.all) {
-    if (loop.drive < 0) continue;
-    const double rate = rates[loop.first], wanted = prescribed_loops_[static_cast<std::size_t>(loop.drive)].profile.rate(state_.t);
-    if (std::abs(rate) > limit && std::abs(rate - wanted) > limit) out.emplace_back(&loop, rate);
-  }
+  for (const Loop& loop : model_->loops.all)
+    for (int i = loop.first; i < loop.first + loop.rows; ++i) {
+      const double wanted = loop.drive < 0 ? 0.0 : prescribed_loops_[static_cast<std::size_t>(loop.drive)].profile.rate(state_.t);
+      if (!(std::abs(rates[i]) > limit && std::abs(rates[i] - wanted) > limit)) continue;
+      out.emplace_back(&loop, rates[i]);
+      break;
+    }
   return out;
 }
 
 void Simulation::start_lengths() {
-  for (const auto& [begun, rate] : lengths_that_begin_otherwise()) {
+  const auto otherwise = loops_that_begin_otherwise();
+  for (const auto& [begun, rate] : otherwise) {
     const Loop& loop = *begun;
+    if (loop.drive < 0) continue;
     const PrescribedLoop& p = prescribed_loops_[static_cast<std::size_t>(loop.drive)];
     const double wanted = p.profile.rate(state_.t);
     const auto unit = [&](double x) { return fmt::format("{:.6g}{}", x, unit_of(loop)); };
@@ -158,12 +162,22 @@ void Simulation::start_lengths() {
          fmt::format("the rate is {} and the profile's {}: the vehicle begins with that of the profile", unit(rate), unit(wanted)),
          "give `initial` of the hinges rates that go with it, or none");
   }
-  if (!begun_ || drives_.empty()) return;
+  if (!begun_ || (drives_.empty() && otherwise.empty())) return;
   // From rest: what the loops do not tell of the rates follows from masses, by an impulse along the given lengths.
   const LoopRank rank = loop_rank(*model_, workspace_, state_.q.data(), drives_.data());
   const Eigen::VectorXd rates = loop_matrix(*model_, workspace_, state_.q.data(), drives_.data()) * state_.v;
   observed_ = ledger_known_ = false;
   if (model_->nv - static_cast<int>(prescribed_.size()) <= rank.rank) return;
+  for (const Prescribed& p : prescribed_) {
+    const double rate = state_.v[p.index];  // that of its profile
+    if (rate != 0.0 && std::ranges::any_of(otherwise, [&](const auto& loop) { return std::ranges::count(loop.first->rates, p.index) > 0; }))
+      warn(Code::mission_doubt, {fmt::format("profile of {} at the start", name_of(p.index)), {}},
+           fmt::format(
+               "it begins with {:.6g}, and other hinges of a loop do not begin with rates that go with that: the vehicle takes it as "
+               "a blow",
+               rate),
+           "let the profile begin at rest, and change its rate over a time, or give `initial` of the hinges rates that go with it");
+  }
   const double limit = kGivenOpen * scale_of_rates();
   for (const Loop& loop : model_->loops.all) {
     if (loop.drive < 0) continue;

@@ -141,9 +141,9 @@ class Simulation {
   /// Before a run: InputError C1103 where initial rates move a length or offset that is given as a function of time, and no profile tells
   /// how.
   void expect_profiles();
-  /// Prescribed loops that initial rates move otherwise than their profiles begin, with these rates. From rest they begin as their
-  /// profiles.
-  std::vector<std::pair<const Loop*, double>> lengths_that_begin_otherwise();
+  /// Loops that initial rates, and those of prescribed components, open, and prescribed ones that they move otherwise than their profiles
+  /// begin, with these rates. From rest prescribed ones begin as their profiles.
+  std::vector<std::pair<const Loop*, double>> loops_that_begin_otherwise();
   /// Of all prescribed loops that are closed, in the order of Loop::drive: how much more than the model's their length or offset is.
   std::span<const LoopDrive> drives() const { return drives_; }
   /// A wrench on a node, zero at first; returns its slot. world_axes: else node axes. InputError C0202 for a node that there is not.

@@ -301,19 +301,17 @@ bool scripts_act(const Scenario& s) { return !s.controllers.empty() || !s.phases
 /// Rates that nothing gives are those that go with given motions, lengths and offsets as these begin. Where all are given the run says what
 /// becomes of them.
 void follow_profiles(Scenario& s) {
-  if (s.model->loops.n_drives == 0) return;
+  if (s.model->loops.all.empty() || (s.model->loops.n_drives == 0 && !s.model->has_prescribed())) return;
   State state = s.sim->state();
   auto spec = std::make_shared<SystemSpec>(s.beginning ? *s.beginning : *s.changes.described());
   for (std::size_t i = 0; i < spec->bodies.size(); ++i) {
     const UserBody& u = s.model->user[i];
-    int told = 0;
     for (int c = 0; c < u.nv; ++c)
       if (const MotionProfile* profile = s.sim->profile(u.v + c); profile && state.v[u.v + c] == 0.0)
-        state.v[u.v + c] = profile->rate(state.t), ++told;
-    if (told > 0 && told == u.nv) spec->bodies[i].hinge.v.assign(state.v.begin() + u.v, state.v.begin() + u.v + u.nv);
+        spec->bodies[i].hinge.begins.emplace_back(c, state.v[u.v + c] = profile->rate(state.t));
   }
   s.sim->set_state(state);
-  if (s.sim->lengths_that_begin_otherwise().empty()) return;
+  if (s.sim->loops_that_begin_otherwise().empty()) return;
   for (LoopSpec& loop : spec->loops) {
     if (!loop.prescribed || loop.open) continue;
     const MotionProfile* profile = s.sim->loop_profile(loop.name);

@@ -465,6 +465,36 @@ TEST(Prescribed, ARateThatJumpsIsSaidOnce) {
   }
 }
 
+/// From rest the rate of a given hinge in a loop is a blow where masses say what follows, and told; where it leaves nothing free it is no
+/// question, nor is it where others begin with rates that go with it.
+TEST(Prescribed, ARateFromRestInALoopIsToldToBeABlow) {
+  const auto told = [](double follows) {
+    const BodySpec base = on(rigid("base", 5.0, {0.1, 0, 0}, diagonal({1, 1, 1})), "", "revolute", {{0, 0, 1}});
+    BodySpec crank = on(rigid("crank", 1.0, {0.1, 0, 0}, diagonal({0.1, 0.1, 0.1})), "base", "revolute", {{0, 0, 1}});
+    BodySpec drum = crank;
+    crank.hinge.prescribed = {0}, crank.hinge.v = {0.5 * follows};
+    drum.name = "drum", drum.hinge.v = {follows};
+    SystemSpec spec = system({base, crank, drum});
+    LoopSpec gear;
+    gear.name = "gear", gear.type = "coupling", gear.terms = {{"crank", 2.0, {}}, {"drum", -1.0, {}}};
+    spec.loops = {gear};
+    Simulation sim(compiled(spec), by("dopri5"));
+    sim.prescribe(1, MotionProfile::hold(0.9));
+    sim.run(0.1);
+    return render(sim.warnings());
+  };
+  for (const char* part : {"profile of crank.rate at the start", "it begins with 0.9"})
+    EXPECT_NE(told(0.0).find(part), std::string::npos) << told(0.0);
+  EXPECT_EQ(told(1.8), "");
+  SystemSpec spec = four_bar("point", 0.0);
+  spec.bodies[0].hinge.prescribed = {0};
+  for (BodySpec& b : spec.bodies) b.hinge.v.clear();
+  Simulation determined(compiled(spec), by("dopri5"));
+  determined.prescribe(0, MotionProfile::hold(0.9));
+  determined.run(0.1);
+  EXPECT_TRUE(determined.warnings().empty()) << render(determined.warnings());
+}
+
 // ---- runs that do not end ----
 
 /// A bar on a sprung and damped hinge, 2 kg m^2 about its axis.
