@@ -6,6 +6,7 @@
 #include <cmath>
 #include <optional>
 #include <tuple>
+#include <utility>
 
 #include "core/base/finite.hpp"
 #include "core/dynamics/inverse.hpp"
@@ -145,10 +146,15 @@ void Simulation::say_doubts() {
   for (const Warning& w : doubts.all()) warn(w.what.code, w.what.at, w.what.about, w.what.hint);
 }
 
-/// Before the first step.
+/// Before the first step; of a run that is resumed, which may go further, unless it was told so before.
 void Simulation::foresee_stiffness(double t_end) {
+  if (std::exchange(foreseen_, true)) return;
   const Warnings expected = expected_stiffness(model_, state_.q.data(), options_.integrator, schedule_.shortest_period(), t_end - state_.t);
-  for (const Warning& w : expected.all()) warn(w.what.code, w.what.at, w.what.about, w.what.hint);
+  for (const Warning& w : expected.all())
+    if (std::ranges::none_of(warnings_.all(), [&](const Warning& told) {
+          return told.what.code == w.what.code && told.what.at.key_path == w.what.at.key_path;
+        }))
+      warn(w.what.code, w.what.at, w.what.about, w.what.hint);
 }
 
 /// The integrator found that stability sets its steps.

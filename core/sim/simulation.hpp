@@ -398,7 +398,7 @@ class Simulation {
   void start_anew(Archive& archive);
   void settle();
   void restart();
-  bool begin();
+  void begin();
   void step(double t_stop);
   void pass_crossings(std::span<const int> crossed);
   void tick();
@@ -615,6 +615,7 @@ class Simulation {
   Balances balances_;
   LedgerState ledger_;  // at the present state, if known
   bool ledger_known_ = false, warned_stiff_ = false;
+  bool foreseen_ = false;  // expected stiffness was looked for
   Headway headway_;
   double t_end_ = 0.0;  // [s]
   Warnings warnings_;

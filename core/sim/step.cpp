@@ -32,7 +32,8 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
     RestartCause& doing;
   } after{doing_};
   forget_failure();
-  if (begin()) foresee_stiffness(t_end);
+  begin();
+  foresee_stiffness(t_end);
   t_end_ = t_end;
   headway_.begin(state_.t);
   while (!stopped_) {
@@ -54,9 +55,9 @@ void Simulation::run(double t_end, const std::function<void(double)>& progress) 
   write_outputs();
 }
 
-/// What a run begins with, once; true if it is now. What is refused here is refused again.
-bool Simulation::begin() {
-  if (std::exchange(begun_, true)) return false;
+/// What a run begins with, once. What is refused here is refused again.
+void Simulation::begin() {
+  if (std::exchange(begun_, true)) return;
   try {
     schedule_.start(state_.t);
     ages_.all_set(state_.t);
@@ -71,7 +72,6 @@ bool Simulation::begin() {
     begun_ = false;
     throw;
   }
-  return true;
 }
 
 /// The state as the integrator may begin with it.

@@ -621,6 +621,21 @@ TEST(Stiffness, IsSaidBeforeTheFirstStep) {
   EXPECT_TRUE(calm.warnings().empty()) << render(calm.warnings());
 }
 
+/// A run that ended early says nothing of steps that it never took; one that goes on from there takes them.
+TEST(Stiffness, IsSaidOfARunThatIsResumed) {
+  for (const double first : {1e-3, 2.0}) {  // the second knew already
+    Simulation sim(compiled(sprung_bar(1e12, 1e9)), by("dopri5"));
+    sim.run(first, [&](double) { sim.stop(); });
+    EXPECT_EQ(sim.warnings().empty(), first < 1.0) << render(sim.warnings());
+    Simulation further(compiled(sprung_bar(1e12, 1e9)), by("dopri5"));
+    further.resume(sim.checkpoint());
+    further.run(2.0, [&](double) { further.stop(); });
+    ASSERT_EQ(further.warnings().all().size(), 1u) << render(further.warnings());
+    EXPECT_EQ(further.warnings().all()[0].what.code, Code::stiff_scene);
+    EXPECT_EQ(further.warnings().all()[0].count, 1);
+  }
+}
+
 TEST(Stiffness, StepsOfRk4BeyondItsStabilityAreSaid) {
   Simulation sim(compiled(sprung_bar(800.0, 2.0)), by("rk4", 1e-9, 0.2));
   sim.run(0.2);
