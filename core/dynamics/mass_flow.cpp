@@ -13,6 +13,7 @@ namespace {
 using soa::Tangent;
 
 constexpr int kMass = sizeof(cardan_mass) / sizeof(double);
+constexpr double kEmpty = 1e-6;  // of the nominal state: what fills, or is emptied, there changes as it would with so much
 
 cardan_device_args args(const Device& d, const double* z, const double* marks) {
   return {sizeof(cardan_device_args), 0.0, d.packed.data(), nullptr, nullptr, z, marks + d.mark};
@@ -44,16 +45,21 @@ cardan_mass mass_rate(const Devices& devices, const Device& d, const double* z, 
     return out;
   }
   const std::size_t n = d.family->n_states;
+  // A step of a hundredth, or of a fortieth of what is in the tank: laws of the mass end where it is empty, many with an upright tangent.
+  const auto at = [&](std::size_t i) {
+    return std::abs(z[d.z + i]) < kEmpty * devices.nominal[d.z + i] ? kEmpty * devices.nominal[d.z + i] : z[d.z + i];
+  };
   double largest = 0.0;
-  for (std::size_t i = 0; i < n; ++i) largest = std::max(largest, std::abs(dz[d.z + i]) / devices.nominal[d.z + i]);
+  for (std::size_t i = 0; i < n; ++i)
+    largest = std::max(largest, std::abs(dz[d.z + i]) / std::min(devices.nominal[d.z + i], 2.5 * std::abs(at(i))));
   if (!(largest > 0.0)) return out;
   std::array<double, 32> few;
   std::vector<double> many(n > few.size() ? n : 0);
   double* moved = many.empty() ? few.data() : many.data();
   const auto beside = [&](double s, double* to) {
-    for (std::size_t i = 0; i < n; ++i) moved[i] = z[d.z + i] + s * dz[d.z + i];
-    const cardan_device_args at = args(d, moved, marks);
-    d.family->mass(&at, reinterpret_cast<cardan_mass*>(to));
+    for (std::size_t i = 0; i < n; ++i) moved[i] = at(i) + s * dz[d.z + i];
+    const cardan_device_args there = args(d, moved, marks);
+    d.family->mass(&there, reinterpret_cast<cardan_mass*>(to));
   };
   double work[kMass];
   soa::derivative(beside, 1e-2 / largest, kMass, &out.mass, work);

@@ -169,7 +169,7 @@ TEST(Tank, RatesByDifferencesAreThoseThatATypeTells) {
   Registry all = registry();
   all.devices.add(silent);
   const double radius = 0.5, density = 900.0, full = density * 4.0 / 3.0 * std::numbers::pi * radius * radius * radius;
-  for (const double part : {0.3, 0.5, 0.8}) {
+  for (const double part : {0.001, 0.01, 0.3, 0.5, 0.8}) {
     SystemSpec spec = system({on(rigid("bus", 1.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "free")});
     DeviceSpec d = with_vector(tank("bus", part * full, radius, ""), "axis", {0.36, -0.48, 0.8});
     d.inputs.clear();
