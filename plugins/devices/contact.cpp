@@ -1,6 +1,7 @@
 // contact: two simple shapes that touch. Normal force k d^n (1 + a d') of the depth d, never a pull [Hunt & Crossley 1975, J. Applied
 // Mechanics 42], friction of Coulomb that is smoothed about rest. One of the shapes is felt by balls (a sphere is one, a ring many), the
 // other one tells how near a ball is. docs/mathematics/devices.md, 7.
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -97,9 +98,10 @@ struct Contact {
       param::not_negative(param::optional("friction", CARDAN_NUMBER, "1", "coefficient")),
       param::positive(
           param::optional("width", CARDAN_NUMBER, "m/s", "below it the friction grows in proportion to the sliding speed", 0.001)),
-      param::not_negative(
-          param::optional("max_depth", CARDAN_NUMBER, "m",
-                          "the run ends where they are deeper in each other; 0: where the shapes no longer tell how deep"))};
+      param::not_negative(param::optional(
+          "max_depth", CARDAN_NUMBER, "m",
+          "the run ends where they are deeper in each other; 0: where the shapes no longer tell how deep, and where all of a shape "
+          "is behind a plane"))};
 #undef CARDAN_SIDE
 
   static constexpr auto kUse = CARDAN_USE_POSE | CARDAN_USE_VELOCITY | CARDAN_USE_LOAD;
@@ -134,7 +136,10 @@ struct Contact {
     if (!std::isfinite(p.dissipation)) return params.fail("speed", "a speed at which the losses are a finite number of s/m");
     p.deepest = params.number("max_depth");
     for (int i = 0; i < 2; ++i) {
-      const double most = p.felt_by[i] ? reach(p.side[i], p.side[1 - i]) : std::numeric_limits<double>::infinity();
+      const Side &balls = p.side[i], &surface = p.side[1 - i];
+      const double most = !p.felt_by[i]                                 ? std::numeric_limits<double>::infinity()
+                          : surface.shape == kPlane && p.deepest == 0.0 ? size_of(balls)
+                                                                        : reach(balls, surface);
       if (p.deepest == 0.0 || p.deepest > most) p.deepest = most;
     }
     return true;
@@ -145,6 +150,15 @@ struct Contact {
   static double reach(const Side& balls, const Side& surface) {
     if (surface.shape == kPlane) return std::numeric_limits<double>::infinity();
     return balls.ball + thickness(surface);
+  }
+  /// Of all of it, in any direction: what is deeper behind a plane than this was put there. Of one point without a radius there is none.
+  static double size_of(const Side& s) {
+    double size = 2.0 * s.ball + (s.shape == kWheel ? 2.0 * s.radius : 2.0 * *std::ranges::max_element(s.half)), between = 0.0;
+    for (int i = 0; i < s.n_balls; ++i)
+      for (int k = 0; k < i; ++k)
+        between = std::max(between, std::hypot(s.at[i][0] - s.at[k][0], s.at[i][1] - s.at[k][1], s.at[i][2] - s.at[k][2]));
+    size = s.shape == kBox ? between : size + between;
+    return size > 0.0 ? size : std::numeric_limits<double>::infinity();
   }
   /// Of the surface about what tells it.
   static double thickness(const Side& s) { return s.shape == kBallShape || s.shape == kRod || s.shape == kRing ? s.ball : 0.0; }
@@ -379,8 +393,9 @@ struct Contact {
     return too_deep ? 1 : 0;
   }
   static const char* explain(const Packed&, int) {
-    return "the shapes are deeper in each other than `max_depth` or than their radii tell: they overlap at the start, `stiffness` is too "
-           "little, or a step went through";
+    return "the shapes are deeper in each other than `max_depth` or than their radii tell, or all of one is behind a plane: they overlap "
+           "at "
+           "the start, `stiffness` is too little, or a step went through";
   }
 
   static double energy(const Packed& p, const DeviceIn<double>& in) noexcept {

@@ -699,6 +699,29 @@ TEST(Contact, TellsThatShapesOverlap) {
   EXPECT_EQ(other.ask().code, 1);
 }
 
+/// A shape all of which is behind a plane was put there by mistake, unless it is said to sink so far. A point tells nothing.
+TEST(Contact, TellsThatAShapeIsBehindAPlane) {
+  const Vector3d n(0.48, 0.6, 0.64);
+  const TouchingShape point{"pads", {{"radius", 0.0}}, {{"points", {0, 0, 0}}}};
+  for (const TouchingShape& a : {kBall, kPads, kRod, kRing, kBox, kWheel, kEllipsoid, point})
+    for (const bool given : {false, true}) {
+      std::vector<std::pair<std::string, double>> law = {{"stiffness", 1.0}};
+      if (given) law.emplace_back("max_depth", 5.0);
+      AskedContact all(a, kPlane, law);
+      all.place(1, Quaterniond::Identity(), {0, 0, 0});
+      for (const double depth : {0.1, 3.0}) {
+        all.place(0, Quaterniond::Identity(), -depth * n);
+        EXPECT_EQ(all.ask().code, depth == 3.0 && !given && a.numbers != point.numbers ? 1 : 0) << a.kind << " " << depth << " " << given;
+      }
+    }
+  AskedContact round(kBall, kPlane, {{"stiffness", 1.0}});
+  round.place(1, Quaterniond::Identity(), {0, 0, 0});
+  for (const double depth : {0.399, 0.401}) {
+    round.place(0, Quaterniond::Identity(), (0.2 - depth) * n);
+    EXPECT_EQ(round.ask().code, depth > 0.4 ? 1 : 0) << depth;
+  }
+}
+
 /// What slides as it comes nearer is held along the surface by the speed along it, and by what presses then.
 TEST(Contact, RubsAlongTheSurfaceAlone) {
   const double k = 50.0, r = 0.2, depth = 0.01, mu = 0.4, width = 0.3, e = 0.5, meets = 2.0, closing = 0.7;
