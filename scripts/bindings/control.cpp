@@ -5,6 +5,7 @@
 #include <complex>
 #include <numbers>
 #include <string>
+#include <string_view>
 
 #include "core/linalg/dense.hpp"
 #include "core/linalg/riccati.hpp"
@@ -26,7 +27,7 @@ struct Asked {
   lua_State* L;
   const char* function;
 
-  [[noreturn]] void refuse_it(const std::string& expected, const std::string& got, const char* hint = "") const {
+  [[noreturn]] void refuse_it(const std::string& expected, const std::string& got, const std::string& hint = "") const {
     refuse(L, Code::lua_argument, function, expected, got, hint);
   }
   MatrixXd matrix(int index, Index rows, Index cols, const char* what) const {
@@ -80,6 +81,18 @@ Labels names_of(Labels labels) {
 
 using Solve = std::optional<Riccati> (*)(const MatrixXd&, const MatrixXd&, const MatrixXd&, const MatrixXd&);
 
+/// Where there is no solution: why, of which that R (V) is too small for the digits of a double is seen by trying more of it.
+std::string hint_of(const Asked& asked, Solve solve, const MatrixXd& A, const MatrixXd& B, const MatrixXd& Q, const MatrixXd& R,
+                    std::string_view weights, const char* else_hint) {
+  for (double more = 1e2; more < 1e17; more *= more) {
+    asked.charge(A.rows(), kDoublings);
+    if (solve(A, B, Q, more * R))
+      return fmt::format("there is one with {:g} times as much {}: it is too small beside {} for the digits of numbers", more, weights[0],
+                         weights[1]);
+  }
+  return else_hint;
+}
+
 /// (A, B, Q, R) -> K, X.
 int regulator(lua_State* L, const char* function, Solve solve) {
   const Asked asked{L, function};
@@ -90,8 +103,9 @@ int regulator(lua_State* L, const char* function, Solve solve) {
   const auto found = solve(A, B, Q, R);
   if (!found)
     asked.refuse_it("A, B and Q by which feedback can stabilise what they see", "no solution",
-                    "a mode that does not decay, and that no column of B moves or no weight of Q sees? control.poles tells them; leave "
-                    "such states out");
+                    hint_of(asked, solve, A, B, Q, R, "RQ",
+                            "a mode that does not decay, and that no column of B moves or no weight of Q sees? control.poles tells them; "
+                            "leave such states out"));
   push_matrix(L, found->K, names_of(column_labels(L, 2)), names_of(column_labels(L, 1)));
   push_matrix(L, found->X, names_of(column_labels(L, 1)), names_of(column_labels(L, 1)));
   return 2;
@@ -110,7 +124,10 @@ int filter(lua_State* L, const char* function, Solve solve, bool in_ticks) {
   if (!found)
     asked.refuse_it(
         "A, C and W by which a filter can follow what they show", "no solution",
-        "a mode that does not decay, and that no row of C shows or no noise of W moves? control.poles tells them; leave such states out");
+        hint_of(
+            asked, solve, A.transpose(), C.transpose(), W, V, "VW",
+            "a mode that does not decay, and that no row of C shows or no noise of W moves? control.poles tells them; leave such states "
+            "out"));
   const MatrixXd& P = found->X;
   const MatrixXd gain =
       in_ticks ? symmetric_solve(C * P * C.transpose() + V, MatrixXd(C * P)).transpose().eval() : found->K.transpose().eval();
