@@ -394,8 +394,7 @@ struct Contact {
   }
   static const char* explain(const Packed&, int) {
     return "the shapes are deeper in each other than `max_depth` or than their radii tell, or all of one is behind a plane: they overlap "
-           "at "
-           "the start, `stiffness` is too little, or a step went through";
+           "at the start, `stiffness` is too little, or a step went through";
   }
 
   static double energy(const Packed& p, const DeviceIn<double>& in) noexcept {
