@@ -88,12 +88,15 @@ int LoopPass::find_left_null_space() {
     std::fill_n(N, rows, 0.0);
     const int row = k_.row_at[at(r + i)];
     N[row] = 1.0;
+    k_.others.clear();
     for (int p = r - 1; p >= 0; --p) {  // K L_I = L_row
       double x = L(r + i, p);
-      for (int q = p + 1; q < r; ++q) x += N[k_.row_at[at(q)]] * L(q, p);
+      for (auto q = k_.others.rbegin(); q != k_.others.rend(); ++q) x += N[k_.row_at[at(*q)]] * L(*q, p);
+      if (x == 0.0) continue;
       N[k_.row_at[at(p)]] = -x;
+      k_.others.push_back(p);
     }
-    for (int p = 0; p < r; ++p) {  // rows as they are, not scaled
+    for (const int p : k_.others) {  // rows as they are, not scaled
       const int other = k_.row_at[at(p)];
       N[other] *= weight(other) / weight(row);
     }
@@ -115,13 +118,18 @@ void LoopPass::reconcile(double* x) {
 
 void LoopPass::take_left_null_space(int n, double* x) {
   const int rows = loops_.rows;
-  for (int i = 0; i < n; ++i)
+  for (int i = 0; i < n; ++i) {
+    const double* N = k_.N.data() + at(i * rows);
+    int first = 0, end = rows;  // of what it has, mostly rows of one loop
+    while (first < end && N[first] == 0.0) ++first;
+    while (end > first && N[end - 1] == 0.0) --end;
     for (int j = 0; j <= i; ++j) {
       double sum = 0.0;
-      for (int k = 0; k < rows; ++k) sum += k_.N[at(i * rows + k)] * k_.N[at(j * rows + k)];
+      for (int k = first; k < end; ++k) sum += N[k] * k_.N[at(j * rows + k)];
       for (int k = 0; k < j; ++k) sum -= k_.NN[at(i * n + k)] * k_.NN[at(j * n + k)];
       k_.NN[at(i * n + j)] = i == j ? std::sqrt(sum) : sum / k_.NN[at(j * n + j)];
     }
+  }
   double* y = k_.y.data();
   for (int i = 0; i < n; ++i) {
     y[i] = 0.0;
@@ -237,7 +245,7 @@ LoopWork::LoopWork(const Model& model, Workspace& ws) {
     for (const DeviceHold& h : model.devices.holds)
       if (of_hinge(h.v)) may_be_held.push_back(h.v);
   }
-  W.resize(rows), row_at.resize(rows), column_at.resize(columns.size());
+  W.resize(rows), row_at.resize(rows), largest_of.resize(rows), others.reserve(rows), column_at.resize(columns.size());
   for (auto* x : {&c, &rate, &extra, &open, &acceleration, &rhs, &lambda, &step, &scale, &L, &y}) x->resize(rows);
   G.resize(rows * nv), U.resize(rows * nv), B.resize(rows * columns.size());
   for (auto* x : {&Lambda, &N, &NN}) x->resize(rows * rows);

@@ -37,6 +37,8 @@ struct LoopWork {
   // Rank: rows x columns scaled, and how rows and columns were exchanged.
   std::vector<int> columns, row_at, column_at;  // columns: rates that are not given; those that a device holds are now and then
   std::vector<int> may_be_held;                 // components that devices hold, of hinges that move the ends of loops against each other
+  std::vector<int> largest_of;                  // column per row, of those that are left
+  std::vector<int> others;                      // that imply a row
   std::vector<double> B, L, Lambda, N, NN, y;
   int rank = 0;
   double smallest = 0.0, largest = 0.0, dependent = 0.0;  // pivots that were kept, that were not; what a pivot was to exceed

@@ -47,24 +47,37 @@ void LoopPass::find_rank() {
   for (int j = 0; j < n; ++j) k_.column_at[at(j)] = j;
   const double limit = k_.dependent = std::max(loops_.dependent, more_than_dependent(open()));
   const auto B = [&](int i, int j) -> double& { return k_.B[at(k_.row_at[at(i)] * n + k_.column_at[at(j)])]; };
+  const auto largest = [&](int i) { return std::abs(k_.B[at(k_.row_at[at(i)] * n + k_.largest_of[at(k_.row_at[at(i)])])]); };
+  const auto look_along = [&](int i, int p) {  // of alike entries the first one
+    const double* row = k_.B.data() + k_.row_at[at(i)] * n;
+    int column = k_.column_at[at(p)];
+    double most = -1.0;
+    for (auto j = k_.column_at.begin() + p; j != k_.column_at.end(); ++j)
+      if (const double x = std::abs(row[*j]); x > most) most = x, column = *j;
+    k_.largest_of[at(k_.row_at[at(i)])] = column;
+  };
   k_.rank = 0, k_.smallest = 0.0, k_.largest = 0.0;
+  for (int i = 0; i < rows && n > 0; ++i) look_along(i, 0);
   for (int p = 0; p < std::min(rows, n); ++p) {
-    int row = p, column = p;
+    int row = p;
     double most = -1.0;
     for (int i = p; i < rows; ++i)
-      for (int j = p; j < n; ++j)
-        if (const double x = std::abs(B(i, j)); x > most) most = x, row = i, column = j;
+      if (const double x = largest(i); x > most) most = x, row = i;
     if (!(most > (p < loops_.rank ? kDependent : limit))) {
       k_.largest = most;
       break;
     }
+    const auto column = std::ranges::find(k_.column_at, k_.largest_of[at(k_.row_at[at(row)])]);
+    const int moved = k_.column_at[at(p)];
     std::swap(k_.row_at[at(p)], k_.row_at[at(row)]);
-    std::swap(k_.column_at[at(p)], k_.column_at[at(column)]);
+    std::swap(k_.column_at[at(p)], *column);
     for (int i = p + 1; i < rows; ++i) {
       const double factor = B(i, p) / B(p, p);
       B(i, p) = factor;  // L, beside what is left
-      if (factor == 0.0) continue;
-      for (int j = p + 1; j < n; ++j) B(i, j) -= factor * B(p, j);
+      if (factor != 0.0)
+        for (int j = p + 1; j < n; ++j) B(i, j) -= factor * B(p, j);
+      const bool moves = k_.largest_of[at(k_.row_at[at(i)])] == moved && largest(i) > 0.0;
+      if (p + 1 < n && (factor != 0.0 || moves)) look_along(i, p + 1);
     }
     k_.smallest = most;
     ++k_.rank;

@@ -1,6 +1,7 @@
 // Loops closed inside of the sweeps: their cost, legs, links that bend, rows that do not count, near singular postures.
 #include "core/dynamics/loops.hpp"
 
+#include <numeric>
 #include <random>
 
 #include "core/dynamics/loop_pass.hpp"
@@ -194,6 +195,43 @@ TEST(Loops, OfLinksThatBendAgreeWithTheDenseTwin) {
   EXPECT_LE(forms_apart(bending_four_bars(4)), 1e-12);
   EXPECT_LE(forms_apart(bending_four_bars(4, true)), 1e-12);
   EXPECT_LE(forms_apart(bending_tower(4)), 1e-12);
+}
+
+// Entries are looked through as if all were, one row after the other: of alike ones, as of loops that are alike, the first counts.
+TEST(Loops, RowsThatCountAreThoseOfCompletePivoting) {
+  for (const SystemSpec& spec : {touching_four_bars(5, 0.9, 0.4), touching_four_bars(3, 0.0, 0.0), bending_four_bars(3, true),
+                                 bending_tower(3), platform_on_legs(2, true, true), platform_on_legs(4, false, false, 5)}) {
+    const auto model = compiled(spec);
+    Workspace ws(*model);
+    const LoopRank rank = loop_rank(*model, ws, model->initial_state().q.data());
+    const LoopWork& work = *ws.loops;
+    const Inputs none{};
+    const LoopPass pass(*model, ws, none);
+    const auto n = static_cast<Eigen::Index>(work.columns.size());
+    Eigen::MatrixXd A(model->loops.rows, n);
+    for (int i = 0; i < model->loops.rows; ++i)
+      for (Eigen::Index j = 0; j < n; ++j) {
+        const int v = work.columns[idx(static_cast<int>(j))];
+        const Loop& loop = pass.loop_of(i);
+        A(i, j) = work.G[idx(i * model->nv + v)] * pass.in_metres(loop, i) * model->loops.column_scale[idx(v)] / loop.reference;
+      }
+    std::vector<int> rows(idx(model->loops.rows)), columns(idx(static_cast<int>(n)));
+    std::iota(rows.begin(), rows.end(), 0), std::iota(columns.begin(), columns.end(), 0);
+    for (int p = 0; p < rank.rank; ++p) {
+      std::size_t row = idx(p), column = idx(p);
+      for (std::size_t i = idx(p); i < rows.size(); ++i)
+        for (std::size_t j = idx(p); j < columns.size(); ++j)
+          if (std::abs(A(rows[i], columns[j])) > std::abs(A(rows[row], columns[column]))) row = i, column = j;
+      std::swap(rows[idx(p)], rows[row]), std::swap(columns[idx(p)], columns[column]);
+      for (std::size_t i = idx(p) + 1; i < rows.size(); ++i) {
+        const double factor = A(rows[i], columns[idx(p)]) / A(rows[idx(p)], columns[idx(p)]);
+        for (std::size_t j = idx(p) + 1; j < columns.size(); ++j) A(rows[i], columns[j]) -= factor * A(rows[idx(p)], columns[j]);
+      }
+    }
+    EXPECT_EQ(work.row_at, rows);
+    EXPECT_EQ(work.column_at, columns);
+    EXPECT_EQ(rank.smallest, std::abs(A(rows[idx(rank.rank - 1)], columns[idx(rank.rank - 1)])));
+  }
 }
 
 // Two loops of which the second adds one row where the first has taken two: a platform on three cranks, one of which bends out of the plane
@@ -437,6 +475,7 @@ TEST(Loops, EmbeddedNearASingularPostureLosesNoMoreThanThePosture) {
     SystemSpec spec = touching_four_bars(1, e, 0.7);
     const auto model = compiled(spec);
     ASSERT_TRUE(model->loops.embedding);
+    EXPECT_EQ(model->loops.rank, 2) << e;
     Workspace ws(*model);
     const State at = model->initial_state();
     VectorXd vdot(model->nv), tau(model->nv);
