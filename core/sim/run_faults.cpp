@@ -11,6 +11,7 @@
 #include "core/base/finite.hpp"
 #include "core/dynamics/inverse.hpp"
 #include "core/model/doubts.hpp"
+#include "core/model/validate.hpp"
 #include "core/sim/device_corners.hpp"
 #include "core/sim/expected_stiffness.hpp"
 #include "core/sim/fastest_motion.hpp"

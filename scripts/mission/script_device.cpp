@@ -338,7 +338,7 @@ void ScriptDevice::expect_pure() {
     Located at = at_;
     for (const auto& [name, function] : {std::pair{"evaluate", &d_.evaluate}, {"tick", &d_.tick}})
       if (broken.starts_with(name) && *function)
-        lua_.protect([&](lua_State* L) {
+        lua_.protect([&, name = name, function = function](lua_State* L) {
           function->push(L);
           at = {fmt::format("device {}.{}", d_.type, name), lua_.definition(L, -1)};
         });
