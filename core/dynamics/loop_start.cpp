@@ -387,7 +387,6 @@ std::optional<double> implied_by_others(const Model& model, const Eigen::VectorX
     if (rank.rank != loops.rank) return {};
     most = std::max(most, rank.largest);
   }
-  if (!(most <= kTyped)) return {};
   return most;
 }
 

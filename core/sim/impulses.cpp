@@ -2,6 +2,7 @@
 // (docs/mathematics/devices.md, "Impulses").
 #include <fmt/format.h>
 
+#include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
 
