@@ -329,6 +329,14 @@ loops:
   const Finished wrong = run_program({"check", "."}, dir.path());
   EXPECT_EQ(wrong.exit_code, 2);
   EXPECT_TRUE(has(wrong.err, "error[C0104]") && has(wrong.err, "scenario.lua:1") && has(wrong.err, "loop_form")) << wrong.err;
+  // Each text of an array is one entry, whatever is in it.
+  for (const auto& [entries, got] : {std::pair("'0, 0', 1", "a list of 2 values"), std::pair("\"0'\", 0, 1", "\"0'\"")}) {
+    write(dir / "scenario.lua",
+          fmt::format("vehicle('vehicle.yaml', {{ ['gravity.uniform'] = {{ {} }} }}) mission {{ duration = 1 }}", entries));
+    const Finished split = run_program({"check", "."}, dir.path());
+    EXPECT_EQ(split.exit_code, 2) << entries;
+    EXPECT_TRUE(has(split.err, fmt::format("got:      {}", got))) << split.err;
+  }
 }
 
 /// Closed as it is given, for all digits of the axis of its rocker: a form, and the last number of that axis.
