@@ -317,6 +317,7 @@ loops:
   };
   for (const char* form : {"multipliers", "embedding"})
     EXPECT_EQ(described(fmt::format("{{ loop_form = '{}' }}", form))["loops"]["form"], form);
+  EXPECT_EQ(described("{ ['vehicle.loop_form'] = 'multipliers' }")["loops"]["form"], "multipliers") << "as --set names it";
   EXPECT_EQ(described("{ name = \"a crank's own\", ['gravity.uniform'] = { 0, '-9.81 m/s^2', 0 } }")["vehicle"], "a crank's own");
   // Which hinge stays: the other one of the two is moved.
   for (const auto& [held, moved] : {std::pair("crank", "rocker"), std::pair("rocker", "crank")}) {

@@ -560,6 +560,12 @@ TEST(WhirlingHinge, IsToldOfGimbalsNearTheirLockAlone) {
   for (const double e : {0.0, 0.1, 1e-2}) EXPECT_EQ(warned("gimbal", e), "") << e;
   EXPECT_EQ(warned("ball", 1e-5), "");
   EXPECT_EQ(warned("gimbal", 1e-5, HingeFactor::square_root), "");
+  // Two axes keep the angle between them: how small it is was chosen.
+  BodySpec cross = on(rigid("cross", 1.0, {0, 0, 0}, diagonal({1, 2, 3})), "", "universal", {{1, 0, 0}, {1, 1e-4, 0}});
+  cross.hinge.v = {1.0, -1.0};
+  Simulation sim(compiled(system({cross})), {});
+  sim.run(0.1);
+  EXPECT_EQ(render(sim.warnings()), "");
 }
 
 TEST(FastestMotion, IsThatOfTheModesOrTheirDamping) {
