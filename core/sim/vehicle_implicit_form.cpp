@@ -164,7 +164,7 @@ void VehicleImplicitForm::measure(const double* y) {
       absolute_[at(nq_ + j)] = std::max(absolute_[at(nq_ + j)], share * of_U);
     }
   }
-  for (int j = 0; j < nv_; ++j) mobility_[at(j)] = system_.inertia(j) > 0.0 ? 1.0 / system_.inertia(j) : 0.0;
+  for (int j = 0; j < nv_; ++j) mobility_[at(j)] = system_.inertia(j) > 0.0 ? 1.0 / system_.inertia(j) : 1.0;
   constexpr double kNone = std::numeric_limits<double>::infinity();
   for (int i = 0; i < rows_; ++i) {
     double least = kNone;

@@ -202,6 +202,24 @@ TEST(DaeInTime, AnOpenTreeMovesAsTheSweepsHaveIt) {
   expect_the_same_motion({system({bus, arm, ball}), 1.0}, 1e-3, 1e-6);
 }
 
+// A particle has no inertia about itself: rows alone hold its turn. Two on strings, a double pendulum in space.
+TEST(DaeInTime, ParticlesMoveAsTheOtherFormsHaveThem) {
+  SystemSpec spec = system({}, uniform_gravity({0, 0, -9.81}));
+  const auto hang = [&](const std::string& name, double mass, const std::string& on_what, double length) {
+    BodySpec body = on(particle(name, mass, Eigen::Vector3d::Zero()), "", "translational");
+    body.hinge.q = {spec.bodies.empty() ? length : spec.bodies.back().hinge.q[0] + length, 0.0, 0.0};
+    body.hinge.v = {0.0, 0.8, 0.0};
+    spec.bodies.push_back(body);
+    LoopSpec string;
+    string.name = name + "_string", string.type = "distance", string.length = length;
+    string.from.body = on_what, string.to.body = name;
+    spec.loops.push_back(string);
+  };
+  hang("upper", 2.0, "", 0.7);
+  hang("lower", 0.3, "upper", 0.4);
+  expect_the_same_motion({spec, 0.6}, 1e-3, 1e-6);
+}
+
 // The moment across the axes of a universal hinge turns with the first; its row is the one that it was, whichever coordinate direction is
 // the nearest (at 1e-3 rad from zero another came first: Newton's method found no way across).
 TEST(DaeInTime, RowsThatTurnStayWhatTheyWere) {
