@@ -147,8 +147,7 @@ void VehicleImplicitForm::place(double t, const double* Q, const double* U) {
 }
 
 /// Modes may be off by what the rounding of places and velocities makes of them across the rows, ten times: those of fast ones are asked
-/// for more finely than the places that hold them are known. An integral of a multiplier may be off by as much as moves no velocity, and no
-/// coordinate, by more than its tolerance.
+/// for more finely than the places that hold them are known.
 void VehicleImplicitForm::measure(const double* y) {
   const SparseRows& G = system_.G();
   const double of_Q = 10.0 * kEpsilon * largest(y, nq_), of_U = 10.0 * kEpsilon * largest(y + nq_, nv_);
@@ -165,21 +164,24 @@ void VehicleImplicitForm::measure(const double* y) {
     }
   }
   for (int j = 0; j < nv_; ++j) mobility_[at(j)] = system_.inertia(j) > 0.0 ? 1.0 / system_.inertia(j) : 1.0;
+  for (std::size_t b = 0; b < quaternions_.size(); ++b) absolute_[at(nq_ + nv_ + 2 * rows_) + b] = absolute_[at(quaternions_[b])];
+}
+
+/// An integral of a multiplier may be off by as much as moves no velocity, and no coordinate, by more than its tolerance: absolute and
+/// relative.
+void VehicleImplicitForm::tolerances(double relative, const double* y, double* out) const {
+  for (int i = 0; i < size(); ++i) out[i] = absolute_[at(i)] + (i < nq_ + nv_ ? relative * std::abs(y[i]) : 0.0);
+  const SparseRows& G = system_.G();
   constexpr double kNone = std::numeric_limits<double>::infinity();
   for (int i = 0; i < rows_; ++i) {
     double least = kNone;
     for (int e = G.start[at(i)]; e < G.start[at(i + 1)]; ++e) {
       const int j = G.column[at(e)];
       const double moves = std::abs(G.value[at(e)]) * mobility_[at(j)];
-      if (moves > 0.0) least = std::min(least, absolute_[at(nq_ + j)] / moves);
+      if (moves > 0.0) least = std::min(least, out[nq_ + j] / moves);
     }
-    absolute_[at(nq_ + nv_ + i)] = absolute_[at(nq_ + nv_ + rows_ + i)] = least < kNone ? least : 1.0;
+    out[nq_ + nv_ + i] = out[nq_ + nv_ + rows_ + i] = least < kNone ? least : 1.0;
   }
-  for (std::size_t b = 0; b < quaternions_.size(); ++b) absolute_[at(nq_ + nv_ + 2 * rows_) + b] = absolute_[at(quaternions_[b])];
-}
-
-void VehicleImplicitForm::tolerances(double relative, const double* y, double* out) const {
-  for (int i = 0; i < size(); ++i) out[i] = absolute_[at(i)] + (i < nq_ + nv_ ? relative * std::abs(y[i]) : 0.0);
 }
 
 bool VehicleImplicitForm::leave(double t, const double* y, double* x, bool end) {
