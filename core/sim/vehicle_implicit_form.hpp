@@ -55,8 +55,7 @@ class VehicleImplicitForm final : public ImplicitForm {
   std::vector<int> quaternions_;    // where they are in Q
   std::vector<std::uint8_t> kept_;  // rows that count: those of the last start
   std::vector<int> eta_of_;         // of each velocity of the bodies, where the coordinate of its mode is in Q; -1: it is no mode's
-  std::vector<double>
-      mobility_;  // of each velocity, 1 / inertia at the last start; 1 where there is none: rows alone hold a particle's turn
+  std::vector<double> mobility_;    // of each velocity, 1 / inertia at the last start; 1 of a particle's turn, which rows alone hold
   std::vector<double> asked_, absolute_, q_, v_, moved_, given_q_, given_v_;
   std::vector<std::vector<int>> pattern_;
 };
