@@ -151,7 +151,7 @@ class Rejoining {
     if (turn <= kGap && shift <= kGap + kAfar * to_eigen(O.pose.p).norm()) return;
     refuse(Code::ends_apart, at, fmt::format("ends that a hinge of type {} can join where they are", hinge.type),
            fmt::format("{:.3g} rad and {:.3g} m between them at t = {:.6g} s", turn, shift, state_.t),
-           "as_found = true holds them as they are");
+           "as_found = true, without a type, holds them as they are");
   }
 
   /// Of a loop that was prescribed and closed; null: it was not.

@@ -1061,7 +1061,7 @@ function Task:require_full_rank() end
 local Passive = {}
 --- Velocities of all components, those without actuator from their momenta.
 ---@param v Vector|number[] read for the others
----@param momenta? Vector|number[] default 0
+---@param momenta? Vector|number[] as many as v, read where there is no actuator; default 0
 ---@return Vector v
 function Passive:velocities(v, momenta) end
 --- Generalised Jacobian of these nodes.
