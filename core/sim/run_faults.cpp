@@ -79,15 +79,18 @@ RunFailure Simulation::explain(const RunFailure& failure) const {
   if (!thrown_.empty())
     return {Code::plugin_failed, state_.t, "", "", thrown_, "a fault of the plugin: cardan check-plugin tries what it can", ""};
   if (const std::string told = gravity_stopped_.empty() ? told_of_gravity() : gravity_stopped_; !told.empty())
-    return {Code::field_failed,
-            state_.t,
-            "",
-            "",
-            told,
+    return {
+        Code::field_failed,
+        state_.t,
+        "",
+        "",
+        told,
+        std::string(
             begun_ ? "where the vehicle is may be outside of what the field knows: another field, or `outside: hold` where it can hold"
                    : "the vehicle is where its file says, without a place in the origin of the world, until `initial` of the mission has "
-                     "given another: ask after it. Outside of what the field knows: another field, or `outside: hold` where it can hold",
-            ""};
+                     "given another: ask after it. Outside of what the field knows: another field, or `outside: hold` where it can hold") +
+            (prescribed_.empty() ? "" : "; a body on a given motion that stands for what pulls: its `com` outside of it"),
+        ""};
   const Obstacle& o = obstacle_;
   if (o.breakdown.body != 0) {
     RunFailure f = describe_breakdown(*model_, o.breakdown, state_.t);
