@@ -165,7 +165,7 @@ int run(const Measure& measure, const char* unit, const std::string& only, int l
       fmt::print("| {:30} | {:23} |", m.name, family);
       double count = 0, sx = 0, sy = 0, sxx = 0, sxy = 0;  // least squares over the logarithms
       for (std::size_t i = 0; i < sizes.size(); ++i) {
-        if (i >= scenes.size() || (m.power == 2 && sizes[i] > 1000)) {
+        if (i >= scenes.size() || (m.power == 2 && 3 * sizes[i] > largest)) {
           fmt::print(" {:>9} |", "-");
           continue;
         }
@@ -202,7 +202,7 @@ int main(int argc, char** argv) {
   line.option("--seconds", seconds, "time for each figure");
   line.option("--count", count, "count instructions (by Valgrind) instead; exit code 77 where there is none");
   line.option("--only", only, "methods whose name contains this");
-  line.option("--largest", largest, "largest number of bodies");
+  line.option("--largest", largest, "largest number of bodies; of what grows with its square a third");
   line.option("--dumps", dumps);  // of the run inside of Valgrind
   if (const auto code = line.parse(argc, argv)) return *code;
   int bad = 0;
