@@ -118,7 +118,7 @@ void DeviceTangents::differences(const Device& d, const cardan_device_args& at, 
   }
   for (std::size_t i = 0; i < n_mounts; ++i) rate = std::max(rate, rate_of_velocity(at.mount[i], along.mount[i]));
   std::fill_n(out, n, 0.0);
-  if (rate == 0.0) return;
+  if (rate < 1e-280) return;  // nothing moves, or by what no step shows
   const auto there = [&](double s, double* to) {
     for (std::size_t i = 0; i < n_read; ++i) moved[i] = x[i] + s * dx[i];
     std::fill_n(to, n, 0.0);

@@ -38,7 +38,7 @@ namespace {
 
 constexpr int kValues = CARDAN_FIELD_NUMBERS, kGradients = 3 * kValues;
 /// Of the length |a| / |da/dr| over which the field varies: steps of differences, of second order for d^2a/dr^2, of eighth for derivatives.
-constexpr double kSmall = 1e-5, kStep = 1e-2;
+constexpr double kSmall = 1e-5, kStep = 1e-2, kLongest = 1e100;
 
 /// Values and, where they are wanted, gradients at n points; false beyond what the field knows.
 bool ask(const FieldSource& f, const FieldMoment* at, int n, const double* points, double* values, double* gradients) {
@@ -121,8 +121,8 @@ void pull_along(const GravityField& g, const FieldMoment* at, const double* body
     for (int i = 0; i < kBodyNumbers; ++i) moved[i] = body[i] + s * rate[i];
     pull(g, at, moved, to);
   };
-  // In m and S it is linear: any step will do.
-  const double h = moves > 0.0 && std::isfinite(length) ? kStep * length / moves : 1.0;
+  // In m and S it is linear: any step will do, but none without end, as where the flow of a valve that was shut has faded to 1e-300 kg/s.
+  const double h = moves > 0.0 && std::isfinite(length) ? std::min(kStep * length / moves, kLongest) : 1.0;
   derivative(there, h, kPullNumbers, out, work);
 }
 

@@ -257,6 +257,24 @@ TEST(FieldGravity, OfSecondOrderIsThatOfMasses) {
   EXPECT_LE(pull_on_masses_error<false>(), 1e-9);
 }
 
+/// Along what changes ever slower, as by the flow of a valve that was shut: the derivative is linear in the rate as far down as numbers go.
+TEST(FieldGravity, OfAFlowThatHasFadedStaysANumber) {
+  const auto model = compiled(by_field(random_tree(3, {.bodies = 2, .gravity = GravitySpec::Kind::central, .gradient = true}).spec));
+  const double body[soa::detail::kBodyNumbers] = {50.0, 7e6, 1e5, -3e5, 12.0, 7.0, 5.0, 1.0, -2.0, 0.5};
+  const double rate[soa::detail::kBodyNumbers] = {-3.0, 0.02, -0.01, 0.03, 0.4, -0.2, 0.1, 0.02, 0.03, -0.01};
+  const auto along = [&](double scale) {
+    double slower[soa::detail::kBodyNumbers];
+    std::array<double, soa::detail::kPullNumbers> out;
+    for (int i = 0; i < soa::detail::kBodyNumbers; ++i) slower[i] = scale * rate[i];
+    soa::detail::pull_along(model->field, nullptr, body, slower, out.data());
+    return out;
+  };
+  const auto one = along(1.0), slow = along(1e-60);
+  for (std::size_t i = 0; i < one.size(); ++i) EXPECT_LE(std::abs(1e60 * slow[i] - one[i]), 1e-12 * std::abs(one[i])) << i;
+  for (const double scale : {1e-120, 1e-280, 1e-302, 1e-307, 1e-320})
+    for (const double x : along(scale)) EXPECT_LE(std::abs(x), 1e-50) << scale;
+}
+
 /// Its work is from outside, with a potential and without: the ledger closes.
 template <unsigned kFacts>
 void expect_work_from_outside(const RandomTree& tree) {
