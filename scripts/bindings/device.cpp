@@ -87,21 +87,26 @@ int device_set(lua_State* L) {
   return 0;
 }
 
-/// Inside of an event's `when` states alone are known: which of the model argument 2 names; -1: none.
+/// Inside of an event's `when` states alone are known: which of the model argument 2 names.
 int state_at_trial(lua_State* L, const Device& d) {
-  for (std::uint32_t i = 0; i < d.family->n_states; ++i)
-    if (lua_type(L, 2) == LUA_TSTRING && std::string_view(lua_tostring(L, 2)) == d.family->states[i].name) return d.z + static_cast<int>(i);
-  return -1;
+  std::vector<std::string> states;
+  for (std::uint32_t i = 0; i < d.family->n_states; ++i) {
+    states.emplace_back(d.family->states[i].name);
+    if (lua_type(L, 2) == LUA_TSTRING && lua_tostring(L, 2) == states.back()) return d.z + static_cast<int>(i);
+  }
+  const std::string wanted = lua_type(L, 2) == LUA_TSTRING ? lua_tostring(L, 2) : describe_value(L, 2);
+  const std::string has = states.empty() ? fmt::format("a {} has none", d.family->type) : fmt::format("its states: {}", listed(states));
+  refuse_at_trial(L, fmt::format("{} of device {}, which is no state of it ({})", wanted, d.name, has));
 }
 
 int device_get(lua_State* L) {
   const Handle& h = self<Kind::device>(L);
   Scenario& s = *h.scenario;
-  if (const int state = s.in_event_function ? state_at_trial(L, device_of(h)) : -1; state >= 0) {
-    lua_pushnumber(L, s.z[state]);
+  s.expect_closed();
+  if (s.in_event_function) {
+    lua_pushnumber(L, s.z[state_at_trial(L, device_of(h))]);
     return 1;
   }
-  expect_state(L, s, "a number of a device that is none of its states");
   using What = Place::What;
   const Place p = place(L, h, {What::output, What::input, What::state, What::mark});
   s.sim->observe();

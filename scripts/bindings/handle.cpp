@@ -88,13 +88,16 @@ bool is_handle(lua_State* L, int index) {
   return is;
 }
 
+void refuse_at_trial(lua_State* L, const std::string& what) {
+  refuse(L, Code::lua_argument, what, "coordinates and rates of hinges and modes, states of devices, and t, inside of an event's `when`",
+         what,
+         "an event is located by its function at trial states, where nothing else is known; what else there is a controller may read, or "
+         "wait_until(f, { rate = \"10 Hz\" }), at ticks");
+}
+
 void expect_state(lua_State* L, const Scenario& s, const char* what) {
   s.expect_closed();
-  if (s.in_event_function)
-    refuse(L, Code::lua_argument, what, "coordinates and rates of hinges and modes, states of devices, and t, inside of an event's `when`",
-           what,
-           "an event is located by its function at trial states, where nothing else is known; what else there is a controller may read, or "
-           "wait_until(f, { rate = \"10 Hz\" }), at ticks");
+  if (s.in_event_function) refuse_at_trial(L, what);
 }
 
 double command(lua_State* L, int arg, Scenario& s, const char* what, const std::string& name) {

@@ -39,7 +39,9 @@ const std::vector<luaL_Reg>& device_methods();    // device.cpp
 const std::vector<luaL_Reg>& loop_methods();      // loop.cpp
 const std::vector<luaL_Reg>& sequence_methods();  // sequence.cpp
 
-/// Event functions are evaluated at trial states, where only coordinates are known.
+/// Event functions are evaluated at trial states, where coordinates, rates and states of devices alone are known: refuses anything else.
+[[noreturn]] void refuse_at_trial(lua_State* L, const std::string& what);
+/// The same for `what` if an event function runs.
 void expect_state(lua_State* L, const Scenario& s, const char* what);
 /// A number that is to be set; one that is not finite ends the run, whatever the script does about it.
 double command(lua_State* L, int arg, Scenario& s, const char* what, const std::string& name);
