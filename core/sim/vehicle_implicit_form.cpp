@@ -70,14 +70,14 @@ VehicleImplicitForm::VehicleImplicitForm(std::shared_ptr<const Model> model, std
 /// and nothing wrong.
 void VehicleImplicitForm::find_pattern() {
   const int n_bodies = static_cast<int>(bodies_.bodies.size());
-  std::vector<int> body_of(at(nv_));
+  body_of_.resize(at(nv_));
   for (int k = 1; k < n_bodies; ++k) {
     const SweepBody& b = bodies_.bodies[at(k)];
-    for (int j = 0; j < b.nv + b.n_modes; ++j) body_of[at(b.v + j)] = k;
+    for (int j = 0; j < b.nv + b.n_modes; ++j) body_of_[at(b.v + j)] = k;
   }
   const auto bodies_at = [&](const SparseRows& rows, int row) {
     std::set<int> out;
-    for (int e = rows.start[at(row)]; e < rows.start[at(row) + 1]; ++e) out.insert(body_of[at(rows.column[at(e)])]);
+    for (int e = rows.start[at(row)]; e < rows.start[at(row) + 1]; ++e) out.insert(body_of_[at(rows.column[at(e)])]);
     return out;
   };
   std::vector<std::set<int>> near(at(n_bodies));
@@ -146,11 +146,11 @@ void VehicleImplicitForm::place(double t, const double* Q, const double* U) {
   system_.place(Q, U, drives, {given_q_.data(), given_v_.data()});
 }
 
-/// Modes may be off by what the rounding of places and velocities makes of them across the rows, ten times: those of fast ones are asked
-/// for more finely than the places that hold them are known.
+/// Modes may be off by what the rounding of places and velocities makes of them across the rows, a hundred times: those of fast ones are
+/// asked for more finely than the places that hold them are known, and IDA takes a first correction below a sixtieth of a tolerance alone.
 void VehicleImplicitForm::measure(const double* y) {
   const SparseRows& G = system_.G();
-  const double of_Q = 10.0 * kEpsilon * largest(y, nq_), of_U = 10.0 * kEpsilon * largest(y + nq_, nv_);
+  const double of_Q = 100.0 * kEpsilon * largest(y, nq_), of_U = 100.0 * kEpsilon * largest(y + nq_, nv_);
   std::ranges::copy(asked_, absolute_.begin());
   for (int i = 0; i < rows_; ++i) {
     double squares = 0.0;
@@ -163,24 +163,34 @@ void VehicleImplicitForm::measure(const double* y) {
       absolute_[at(nq_ + j)] = std::max(absolute_[at(nq_ + j)], share * of_U);
     }
   }
-  for (int j = 0; j < nv_; ++j) mobility_[at(j)] = system_.inertia(j) > 0.0 ? 1.0 / system_.inertia(j) : 1.0;
+  double logarithms[2] = {}, number[2] = {};  // of turns, of shifts
+  for (int j = 0; j < nv_; ++j)
+    if (const int axis = axis_of(j); axis < 6 && system_.inertia(j) > 0.0)
+      logarithms[axis / 3] += std::log(system_.inertia(j)), number[axis / 3] += 1.0;
+  for (int j = 0; j < nv_; ++j) {
+    const int axis = axis_of(j);
+    mobility_[at(j)] = axis >= 6 ? 1.0 / system_.inertia(j) : std::exp(-logarithms[axis / 3] / std::max(1.0, number[axis / 3]));
+  }
   for (std::size_t b = 0; b < quaternions_.size(); ++b) absolute_[at(nq_ + nv_ + 2 * rows_) + b] = absolute_[at(quaternions_[b])];
 }
 
-/// An integral of a multiplier may be off by as much as moves no velocity, and no coordinate, by more than its tolerance: absolute and
-/// relative.
+/// An integral of a multiplier may be off by as much as moves a body of mean inertia by no more than the tolerances of its velocities, of
+/// its places, absolute and relative: what a light body feels of it goes on to what holds that. Modes have forces of their own.
 void VehicleImplicitForm::tolerances(double relative, const double* y, double* out) const {
   for (int i = 0; i < size(); ++i) out[i] = absolute_[at(i)] + (i < nq_ + nv_ ? relative * std::abs(y[i]) : 0.0);
   const SparseRows& G = system_.G();
   constexpr double kNone = std::numeric_limits<double>::infinity();
   for (int i = 0; i < rows_; ++i) {
-    double least = kNone;
+    double rate = kNone, place = kNone;
     for (int e = G.start[at(i)]; e < G.start[at(i + 1)]; ++e) {
-      const int j = G.column[at(e)];
+      const int j = G.column[at(e)], axis = axis_of(j), q = bodies_.bodies[at(body_of_[at(j)])].q;
       const double moves = std::abs(G.value[at(e)]) * mobility_[at(j)];
-      if (moves > 0.0) least = std::min(least, out[nq_ + j] / moves);
+      if (axis >= 6 || moves == 0.0) continue;
+      rate = std::min(rate, out[nq_ + j] / moves);
+      place = std::min(place, (axis < 3 ? absolute_[at(q)] + relative : out[q + 1 + axis]) / moves);
     }
-    out[nq_ + nv_ + i] = out[nq_ + nv_ + rows_ + i] = least < kNone ? least : 1.0;
+    out[nq_ + nv_ + i] = rate < kNone ? rate : 1.0;
+    out[nq_ + nv_ + rows_ + i] = place < kNone ? place : 1.0;
   }
 }
 

@@ -42,6 +42,10 @@ class VehicleImplicitForm final : public ImplicitForm {
   void find_pattern();
   void place(double t, const double* Q, const double* U);
   void measure(const double* y);
+  /// Of its body: 0 to 2 it turns, 3 to 5 it shifts, then its modes.
+  int axis_of(int velocity) const {
+    return velocity - bodies_.bodies[static_cast<std::size_t>(body_of_[static_cast<std::size_t>(velocity)])].v;
+  }
   bool evaluate(double t, const double* y, const double* ydot, double* F);
 
   std::shared_ptr<const Model> model_;
@@ -54,8 +58,9 @@ class VehicleImplicitForm final : public ImplicitForm {
   int nq_, nv_, rows_;              // of the bodies
   std::vector<int> quaternions_;    // where they are in Q
   std::vector<std::uint8_t> kept_;  // rows that count: those of the last start
+  std::vector<int> body_of_;        // of each velocity of the bodies
   std::vector<int> eta_of_;         // of each velocity of the bodies, where the coordinate of its mode is in Q; -1: it is no mode's
-  std::vector<double> mobility_;    // of each velocity, 1 / inertia at the last start; 1 of a particle's turn, which rows alone hold
+  std::vector<double> mobility_;    // of each velocity: 1 / the mean inertia of turns, of shifts, or of its mode, at the last start
   std::vector<double> asked_, absolute_, q_, v_, moved_, given_q_, given_v_;
   std::vector<std::vector<int>> pattern_;
 };
