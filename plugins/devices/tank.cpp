@@ -1,4 +1,4 @@
-// tank: propellant that is part of the mass of a body: m' = -(sum of what is drawn). Where it is follows from how the tank is filled; what
+// tank: propellant beside the dry mass of a body: m' = -(sum of what is drawn). Where it is follows from how the tank is filled; what
 // it does to the vehicle as it flows, the host knows (docs/mathematics/devices.md, 5). Empty is a root: from there on nothing comes. The
 // pressure is held, or that of a gas that expands as the propellant leaves, p V^n constant; the supply is p over that of the loaded tank.
 
@@ -42,7 +42,7 @@ T two_thirds_power(const T& a) {
 
 struct Tank {
   static constexpr const char* type = "tank";
-  static constexpr const char* summary = "propellant: a part of the mass of its body, which thrusters draw from";
+  static constexpr const char* summary = "propellant, which thrusters draw from: its mass comes to that of its body, which is the dry one";
   static constexpr unsigned facts = 0;
   struct Packed {
     double position[3], axis[3], radius, length, density, residual, pressure, loaded, exponent;
