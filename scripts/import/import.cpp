@@ -173,7 +173,7 @@ class VehicleText {
     std::map<int, std::size_t> dependent;  // id: its coupling
     for (std::size_t i = 0; i < robot_.closures.size(); ++i) {
       const RobotClosure& c = robot_.closures[i];
-      if (c.dependent >= 0 && !start_.contains(c.dependent) && joint(c.dependent)) dependent.emplace(c.dependent, i);
+      if (c.dependent >= 0 && joint(c.dependent)) dependent.emplace(c.dependent, i);
     }
     std::set<int> open;  // being looked at
     for (const auto& [id, coupling] : dependent) {

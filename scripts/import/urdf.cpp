@@ -345,16 +345,6 @@ class UrdfReader {
     return j.type != "fixed" && (j.joint.kind == Kind::hinge || j.joint.kind == Kind::slide);
   }
 
-  /// `add` times the coordinate `id`, beside what is there of it.
-  static void add_term(RobotClosure& c, int id, double add) {
-    for (auto& [known, coefficient] : c.terms)
-      if (known == id) {
-        coefficient += add;
-        return;
-      }
-    c.terms.emplace_back(id, add);
-  }
-
   void read_mimic(const Mimic& m) {
     const XmlElement& e = *m.element;
     const UrdfJoint& j = joints_[static_cast<std::size_t>(m.joint)];
@@ -373,8 +363,7 @@ class UrdfReader {
     c.mark = e.mark;
     c.offset = source_.number({e}, "offset", 0.0);
     c.dependent = j.joint.id;
-    c.terms = {{j.joint.id, 1.0}};
-    add_term(c, other->joint.id, -source_.number({e}, "multiplier", 1.0));
+    c.terms = {{j.joint.id, 1.0}, {other->joint.id, -source_.number({e}, "multiplier", 1.0)}};
     if (other == &j) source_.report(Code::cycle, e, "joint", "another joint", fmt::format("{} itself", in_quotes(j.name)));
     add_closure(std::move(c));
   }

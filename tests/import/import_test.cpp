@@ -49,6 +49,17 @@ SystemSpec spec_of_file(const std::string& name, const ImportOptions& options = 
   return spec_of(text_of(name), options, notes);
 }
 
+/// What is told first of a robot that cannot be read.
+Code fault_of(const std::string& text) {
+  try {
+    const Imported imported = import_robot(text, "robot.xml", {});
+    ADD_FAILURE() << "it was read:\n" << imported.yaml;
+  } catch (const InputError& e) {
+    return e.diagnostics().at(0).code;
+  }
+  return {};
+}
+
 VectorXd vdot_of(const Model& model, const VectorXd& q, const VectorXd& v, const VectorXd& tau) {
   soa::Workspace<double> ws(model);
   VectorXd vdot = VectorXd::Constant(model.nv, kNaN);
@@ -434,7 +445,40 @@ TEST(ImportUrdf, TheCouplingsOfResearchCodesSumTheAnglesOfTheirWays) {
     std::map<std::string, double> terms;
     for (const auto& term : spec.loops[0].terms) terms[term.target] = term.coefficient;
     EXPECT_EQ(terms, (std::map<std::string, double>{{"a", 3.0}, {"a2", 3.0}, {"b", -1.0}, {"b2", -1.0}}));
+    ImportOptions options;
+    options.initial = {{"to a", "0.2"}, {"to b", "0.1"}};
+    const SystemSpec begun = spec_of(text + one + "</robot>", options);
+    ASSERT_EQ(begun.find("b2")->hinge.q.size(), 1u) << "the last joint of the successor follows";
+    EXPECT_NEAR(begun.find("b2")->hinge.q[0], 3 * 0.2 - 0.1, 1e-15);
   }
+  // Angles and lengths are not summed.
+  std::string slides = text;
+  slides.replace(slides.find("name='to b2' type='continuous'"), 30, "name='to b2' type='prismatic'");
+  EXPECT_EQ(fault_of(slides + "<coupling><predecessor link='a2'/><successor link='b2'/><ratio value='3'/></coupling></robot>"),
+            Code::not_imported);
+}
+
+// `world` is the ground by its name, whatever it weighs.
+TEST(ImportUrdf, ARootThatIsCalledWorldIsHeld) {
+  for (const auto& [name, type] : {std::pair{"world", "locked"}, {"hull", "free"}}) {
+    const SystemSpec spec = spec_of(fmt::format(
+        "<robot name='r'><link name='{}'><inertial><mass value='2'/><inertia ixx='0.3' iyy='0.4' izz='0.5'/></inertial></link></robot>",
+        name));
+    EXPECT_EQ(spec.bodies.at(0).hinge.type, type) << name;
+  }
+}
+
+TEST(ImportUrdf, ALoopDoesNotHoldALinkWithoutMassBetweenTwoJoints) {
+  const std::string inertial = "<inertial><mass value='2'/><inertia ixx='0.3' iyy='0.4' izz='0.5'/></inertial>";
+  const std::string gimbal =
+      "<robot name='r'><link name='world'/><link name='ring'/><link name='dish'>" + inertial +
+      "</link><joint name='az' type='continuous'><parent link='world'/><child link='ring'/><axis xyz='0 0 1'/></joint>"
+      "<joint name='el' type='continuous'><parent link='ring'/><child link='dish'/><axis xyz='0 1 0'/></joint>";
+  const auto held = [&](const std::string& link) {
+    return gimbal + "<loop name='l' type='spherical'><predecessor link='" + link + "'/><successor link='world'/></loop></robot>";
+  };
+  EXPECT_EQ(spec_of(held("dish")).loops.size(), 1u);
+  EXPECT_EQ(fault_of(held("ring")), Code::not_imported);
 }
 
 TEST(ImportMjcf, AFourBarIsTheOneWrittenByHand) {
@@ -502,6 +546,82 @@ TEST(ImportMjcf, ChainsOfJointsAreHingesWithTheSamePoses) {
   EXPECT_LE(relative(distance(body("hand").inertia_com, J), across), 1e-14);
 }
 
+/// A robot of one body of MJCF, turned and shifted, on these joints.
+std::string on_joints(const std::string& joints) {
+  return "<mujoco><worldbody><body name='b' pos='1 2 3' euler='30 0 0'>" + joints +
+         "<inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/></body></worldbody></mujoco>";
+}
+
+TEST(ImportMjcf, JointsOfABodyThatAreOneHingeBecomeIt) {
+  const Matrix3d R = Eigen::AngleAxisd(M_PI / 6, Vector3d::UnitX()).toRotationMatrix();
+  const auto hinge = [](const std::string& joints) { return spec_of(on_joints(joints)).bodies.at(0).hinge; };
+  const auto expect_through = [&](const HingeSpec& h, const char* type, const Vector3d& point) {
+    EXPECT_EQ(h.type, type);
+    EXPECT_LE(distance(h.pnode_position, point), 1e-15);
+    EXPECT_LE(distance(h.onode_position, Vector3d(Vector3d(1, 2, 3) + R * point)), 1e-15);
+  };
+  // The axis about which it turns has a place, that along which it slides has none.
+  const std::string turns = "<joint type='hinge' axis='0 0 1' pos='0.1 0.2 0'/>", slides = "<joint type='slide' axis='0 0 2' pos='5 5 5'/>";
+  expect_through(hinge(turns + slides), "cylindrical", {0.1, 0.2, 0});
+  expect_through(hinge(slides + turns), "cylindrical", {0.1, 0.2, 0});
+  // Axes at 45 degrees that meet away from the place of either.
+  expect_through(hinge("<joint axis='0 0 1'/><joint axis='1 0 1' pos='0.5 0 1.5'/>"), "universal", {0, 0, 1});
+  const HingeSpec h = hinge("<joint type='slide' axis='0 1 0'/><joint type='slide' axis='0 0 1'/><joint type='slide' axis='1 0 0'/>");
+  EXPECT_EQ(h.type, "translational");
+  EXPECT_LE(distance(Vector3d(h.onode_R * Vector3d::UnitX()), Vector3d(R * Vector3d::UnitY())), 1e-15) << "x is the first slide";
+  EXPECT_LE(distance(Matrix3d(h.onode_R * h.pnode_R.transpose()), R), 1e-15) << "as the file has it where all are zero";
+  for (const char* no_hinge : {"<joint axis='0 0 1'/><joint axis='0 0 1'/>",
+                               "<joint type='slide' axis='1 0 0'/><joint type='slide' axis='1 1 0'/><joint axis='0 0 1'/>"})
+    EXPECT_EQ(fault_of(on_joints(no_hinge)), Code::not_imported) << no_hinge;
+}
+
+// Two axes that meet, one of them of a body without mass: seen from the other's it stands elsewhere.
+TEST(ImportMjcf, TheJointOfABodyWithoutMassKeepsItsPlace) {
+  const HingeSpec h = spec_of(
+                          "<mujoco><worldbody><body name='ring'><joint axis='0 0 1' pos='0.1 0.2 0'/><body name='dish' pos='0.5 0 0' "
+                          "euler='0 0 90'><joint axis='0 1 0' pos='0.2 0 0.3'/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/>"
+                          "</body></body></worldbody></mujoco>")
+                          .bodies.at(0)
+                          .hinge;
+  EXPECT_EQ(h.type, "universal");
+  EXPECT_LE(distance(h.pnode_position, Vector3d(0.2, 0.4, 0.3)), 1e-15);
+  EXPECT_LE(distance(h.onode_position, Vector3d(0.1, 0.2, 0.3)), 1e-15);
+}
+
+TEST(ImportMjcf, WhatStandsOnABodyWithoutMassStandsOnTheOneThatCarriesIt) {
+  const std::string text =
+      "<worldbody><body name='a'><joint/><inertial pos='0 0 0' mass='1' diaginertia='1 1 1'/><body name='b' pos='1 0 0'><geom size='1'/>"
+      "<site name='s' pos='0 2 0'/></body></body></worldbody></mujoco>";
+  const SystemSpec spec = spec_of("<mujoco><compiler inertiafromgeom='false'/>" + text);
+  ASSERT_EQ(spec.bodies.size(), 1u) << "geoms have no mass there";
+  const auto node = std::ranges::find(spec.bodies[0].nodes, "s", &NodeSpec::name);
+  ASSERT_NE(node, spec.bodies[0].nodes.end());
+  EXPECT_LE(distance(node->position, Vector3d(1, 2, 0)), 0.0);
+  EXPECT_EQ(spec_of("<mujoco>" + text).bodies.size(), 2u);
+}
+
+TEST(ImportMjcf, SpringsRestWhereTheyAreCountedFromRef) {
+  const SystemSpec spec = spec_of(on_joints("<joint stiffness='2' springref='20' ref='5'/>"));
+  EXPECT_NEAR(spec.bodies.at(0).hinge.springs.at(0).rest, 15 * M_PI / 180, 1e-15);
+}
+
+// Its default is 0 1 0 0 0, of which the first is given.
+TEST(ImportMjcf, APolynomialOfOneNumberIsALineOfSlopeOne) {
+  const LoopSpec loop =
+      spec_of(
+          "<mujoco><worldbody><body><joint name='j'/><geom size='1'/></body><body><joint name='k'/><geom size='1'/></body>"
+          "</worldbody><equality><joint joint1='j' joint2='k' polycoef='0.1'/></equality></mujoco>",
+          [] {
+            ImportOptions options;
+            options.initial = {{"k", "0.3"}};
+            return options;
+          }())
+          .loops.at(0);
+  ASSERT_EQ(loop.terms.size(), 2u);
+  EXPECT_EQ(loop.terms[1].coefficient, -loop.terms[0].coefficient);
+  EXPECT_EQ(loop.offset, 0.1);
+}
+
 // Its mass would be gone without a word: what has none and is fixed becomes a node.
 TEST(ImportMjcf, ABodyWithoutGeomsKeepsItsInertialWhereGeomsGoBeforeIt) {
   const SystemSpec spec = spec_of(
@@ -513,7 +633,6 @@ TEST(ImportMjcf, ABodyWithoutGeomsKeepsItsInertialWhereGeomsGoBeforeIt) {
   EXPECT_EQ(spec.find("b")->mass, 2.0);
 }
 
-// Of the forms of orientation one counts: another than quat goes before quat, that of the element before that of its class.
 TEST(ImportMjcf, ForcesThatAreLeftOutAreToldByKind) {
   std::vector<std::string> notes;
   spec_of(
@@ -525,6 +644,7 @@ TEST(ImportMjcf, ForcesThatAreLeftOutAreToldByKind) {
                        "left to devices of the vehicle and to the mission, no force here: 1 actuator motor, 1 actuator position"}));
 }
 
+// Of the forms of orientation one counts: another than quat goes before quat, that of the element before that of its class.
 TEST(ImportMjcf, OneFormOfOrientationCounts) {
   const auto axis_of = [](const std::string& of_class, const std::string& own) {  // z of a site
     const SystemSpec spec = spec_of("<mujoco><default><site " + of_class +
@@ -612,6 +732,13 @@ TEST(ImportMjcf, GeomsHaveTheMomentsOfTheirVolume) {
   EXPECT_LE(relative(two.bodies[0].mass - m, m), 1e-15);
   EXPECT_LE(distance(two.bodies[0].com, Vector3d(0, 1, 0)), 1e-15);
   EXPECT_LE(distance(two.bodies[0].inertia_com, diagonal({m / 3 * 0.13, m / 3 * 0.13, m / 3 * 0.08})), 1e-13 * m);
+  // Two balls aside of every axis.
+  const Vector3d d(0.3, -0.2, 0.5);
+  const SystemSpec aside = spec_of(
+      "<mujoco><worldbody><body name='b'><freejoint/><geom size='0.1' mass='2' pos='0.3 -0.2 0.5'/><geom size='0.1' mass='2' pos='-0.3 0.2 "
+      "-0.5'/></body></worldbody></mujoco>");
+  const Matrix3d J = 4 * ((0.4 * 0.01 + d.squaredNorm()) * Matrix3d::Identity() - d * d.transpose());
+  EXPECT_LE(distance(aside.bodies[0].inertia_com, J), 1e-15);
 }
 
 TEST(ImportMjcf, OrientationsAreReadInEachOfTheirForms) {
@@ -632,6 +759,19 @@ TEST(ImportMjcf, OrientationsAreReadInEachOfTheirForms) {
   EXPECT_LE(distance(turned("", "quat='2 0 2 0'"), A(90 * d, y).toRotationMatrix()), 1e-15);
   EXPECT_LE(distance(turned("", "xyaxes='0 1 0 -3 1 0'"), A(90 * d, z).toRotationMatrix()), 1e-15);
   EXPECT_LE(distance(turned("", "zaxis='1 0 0'"), A(90 * d, y).toRotationMatrix()), 1e-15);
+  // Whichever of the four numbers of its quaternion is the largest, and where all but one are none.
+  for (int k = 0; k < 4; ++k)
+    for (const double largest : {0.9, -0.9}) {
+      Eigen::Vector4d q(0.1, -0.2, 0.3, 0.25);
+      q[k] = largest;
+      Eigen::Vector4d alone = Eigen::Vector4d::Zero();
+      alone[k] = 1.0;
+      for (const Eigen::Vector4d& one : {q, alone})
+        EXPECT_LE(distance(turned("", fmt::format("quat='{} {} {} {}'", one[0], one[1], one[2], one[3])),
+                           Eigen::Quaterniond(one[0], one[1], one[2], one[3]).normalized().toRotationMatrix()),
+                  1e-15)
+            << one.transpose();
+    }
 }
 
 TEST(ImportMjcf, WeldsHoldTheRelativePose) {

@@ -208,6 +208,26 @@ TEST_F(Regress, WhatIsWrongInAGoldenFileIsNamedByPlaceBeforeAnythingRuns) {
         << errors.dump(1);
     for (const json& e : errors) EXPECT_TRUE(has(e["file"], "wrong/golden.yaml")) << errors.dump(1);
   }
+  // A mean is told of thirty values, beside a deviation of five.
+  for (const auto& [beside, independent, good] :
+       {std::tuple{"", 29, false}, {"", 30, true}, {"deviation: 1\n      ", 4, false}, {"deviation: 1\n      ", 5, true}}) {
+    const std::string golden = printed();
+    const json errors = errors_of(golden.substr(0, golden.find("    class:")) +
+                                  "    class: statistical\n    confidence: 0.999\n    independent: " + std::to_string(independent) +
+                                  "\n    why: noise\n    reference:\n      " + beside + "mean: 0.1\n      unit: rad\nnothing: 1\n");
+    const bool told = std::any_of(errors.begin(), errors.end(), [](const json& e) { return e["at"] == "channels[0].independent"; });
+    EXPECT_NE(told, good) << errors.dump(1);
+  }
+}
+
+TEST_F(Regress, WhatIsHiddenBuiltOrPutOutIsNotSearched) {
+  add("swing", printed());
+  for (const char* aside : {"out", "build-here", ".hidden"}) {
+    fs::create_directories(dir_ / aside);
+    add(std::string(aside) + "/swing", "truth: it is not read\n");
+  }
+  fs::copy(dir_ / "out/swing/golden.yaml", dir_ / "swing/.golden.yaml");
+  EXPECT_EQ(regress().exit_code, 0);
 }
 
 TEST_F(Regress, AChannelAComponentOrAUnitThatTheRunDoesNotHaveIsAFailedRow) {
@@ -248,6 +268,8 @@ TEST_F(Regress, ReferencesMayBeTables) {
   write(dir_ / "swing/golden.yaml", replaced(golden, "[angle]", "angle"));
   EXPECT_EQ(json::parse(regress({"--json-errors"}).err)["errors"][0]["at"], "channels[0].reference.columns");
   write(dir_ / "swing/golden.yaml", golden);
+  EXPECT_EQ(regress().exit_code, 0) << file_text(dir_ / "out/regress/regress.json");
+  write(dir_ / "swing/truth.csv", replaced(replaced(table, "t [s]", "t [ms]"), "\n1, 0", "\n1000, 0"));
   EXPECT_EQ(regress().exit_code, 0) << file_text(dir_ / "out/regress/regress.json");
   write(dir_ / "swing/truth.csv", table.substr(0, table.size() - 12));  // cut in the middle of a number
   EXPECT_EQ(regress().exit_code, 1);

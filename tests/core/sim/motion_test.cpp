@@ -747,6 +747,7 @@ TEST(MotionProfiles, AreHeldBeforeAndBehindTheirPoints) {
   EXPECT_EQ(p.largest_rate(0.2, 1.2), 2.0);           // the point at 2 s is beyond
   EXPECT_NEAR(p.largest_rate(1.5, 1.9), 2.5, 1e-15);  // at its end
   EXPECT_EQ(p.largest_rate(1.5, 2.5), 3.0);           // in its midst
+  EXPECT_EQ(p.largest_rate(3.0, 4.0), 0.5);           // those before are over
 }
 
 }  // namespace

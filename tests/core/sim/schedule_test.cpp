@@ -146,6 +146,7 @@ TEST(Schedule, OffsetsShiftAnEntry) {
   EXPECT_EQ(instant(s), std::vector<int>{0});
   EXPECT_EQ(s.time(), 0.1);
   EXPECT_EQ(s.next().k, 1);
+  EXPECT_THROW(s.add(Rational{1, 999'999'937}, Rational{1, 999'999'929}), std::logic_error) << "no double tells parts of their unit";
 }
 
 /// Entries that may lie inside of steps: time() is that of all, stop() and the shortest period those of the others.
@@ -215,7 +216,11 @@ TEST(Instants, AddUpWithoutRounding) {
   EXPECT_EQ(sum.part * 210, sum.unit * 71);
   EXPECT_EQ(later(*to_instant(1.2), 0.1)->seconds(), 1.3);
   EXPECT_EQ(later(*to_instant(-0.25), 0.5)->seconds(), 0.25);
+  const Instant before = *to_instant(-0.25);
+  EXPECT_EQ(before.whole, -1);
+  EXPECT_EQ(before.part * 4, before.unit * 3);
   EXPECT_FALSE(to_instant(3.14159265358979));
+  EXPECT_FALSE(to_instant(0.1 + 0.2)) << "0.3 is another double";
   EXPECT_FALSE(later(*to_instant(1.0), 3.14159265358979));
   EXPECT_FALSE(later({0, 1, (std::int64_t{1} << 53) - 111}, 1e-6)) << "no double tells such parts of a second";
 }
