@@ -200,6 +200,15 @@ bool FrozenVehicle::spun(const double* v) const {
   });
 }
 
+bool FrozenVehicle::floats(int v) const {
+  for (const Body& b : bodies_)
+    if (const auto first = std::ranges::find(b.v, v); first != b.v.end()) {
+      const auto at = first - b.v.begin();
+      return b.v.end() - first >= 3 && first[2] == v + 2 && b.K.middleRows(at, 3).isZero(0.0) && b.C.middleRows(at, 3).isZero(0.0);
+    }
+  return false;
+}
+
 void FrozenVehicle::move(const double* u) const {
   for (std::size_t i = 0; i < bodies_.size(); ++i) {
     const Body& b = bodies_[i];

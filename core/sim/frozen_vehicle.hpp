@@ -34,6 +34,9 @@ class FrozenVehicle {
   /// Whether rotors turn at other speeds at v than where it is frozen, so that it matters.
   bool spun(const double* v) const;
 
+  /// Whether nothing holds the three components from v on, of a root: neither springs nor dampers nor a given motion.
+  bool floats(int v) const;
+
   /// M u' + C u + K y per velocity component; zero where there is no equation.
   void force(const double* y, const double* u, const double* du, double* r) const;
 

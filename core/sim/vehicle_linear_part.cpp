@@ -98,7 +98,7 @@ bool VehicleLinearPart::moved(const double* q) const {
   return false;
 }
 
-void VehicleLinearPart::centre(double t, const double* x) {
+void VehicleLinearPart::centre(double t, const double* x, const double* xdot) {
   std::copy_n(x, x_.size(), x_.begin());
   frozen_.set_rounding(8.0 * std::numeric_limits<double>::epsilon() * std::abs(t));
   ++since_;
@@ -111,6 +111,13 @@ void VehicleLinearPart::centre(double t, const double* x) {
   if (!frozen_.where() || frozen_.holds_others() || (!model_->varies.empty() && since_ > kVarying) || moved(q) || frozen_.spun(v) ||
       frozen_.stiffened(q, v, at_hinges))
     frozen_.freeze(q, v, at_hinges), since_ = 0;
+  // r without it is of what moves in the vehicle; with it, of its weight, whose rounding is above what modes are asked for.
+  for (Hinge& h : curved_) {
+    h.fall = {};
+    if (h.user->parent >= 0 || (h.shape != CARDAN_SHAPE_FREE && h.shape != CARDAN_SHAPE_FREE_BODY) || !frozen_.floats(h.v + 3)) continue;
+    h.fall = vec(xdot + nq_ + h.v + 3);
+    if (h.shape == CARDAN_SHAPE_FREE_BODY) h.fall += cross(vec(v + h.v), vec(v + h.v + 3));
+  }
 }
 
 void VehicleLinearPart::residual(const double* x, const double* xdot, double* r) const {
@@ -126,11 +133,14 @@ void VehicleLinearPart::residual(const double* x, const double* xdot, double* r)
     }
     const Vec3<double> theta = turned(h, q), omega = vec(v + h.v);
     store(rate_of_rotation(theta, omega) - omega, beyond + h.v);
-    if (h.shape != CARDAN_SHAPE_FREE_BODY) continue;
-    const Mat3<double> R = exponential(theta);  // its velocity along the axes of the centre
-    const Vec3<double> along = vec(v + h.v + 3);
-    store(R * along, u_.data() + h.v + 3);
-    store(R * (vec(vdot + h.v + 3) + cross(omega, along)), du_.data() + h.v + 3);
+    if (h.shape == CARDAN_SHAPE_BALL) continue;
+    if (h.shape == CARDAN_SHAPE_FREE_BODY) {
+      const Mat3<double> R = exponential(theta);  // its velocity along the axes of the centre
+      const Vec3<double> along = vec(v + h.v + 3);
+      store(R * along, u_.data() + h.v + 3);
+      store(R * (vec(vdot + h.v + 3) + cross(omega, along)), du_.data() + h.v + 3);
+    }
+    store(vec(du_.data() + h.v + 3) - h.fall, du_.data() + h.v + 3);
   }
   frozen_.force(q, u_.data(), du_.data(), r);
   std::copy_n(vdot + nv_, nz_, beyond + nv_ + nq_);
@@ -213,8 +223,12 @@ void VehicleLinearPart::assemble(double h, double s, double* x) const {
     std::array<double, 6> way{};
     std::copy_n(travel, hinge.nv, way.begin());
     for (int i = 0; i < 3; ++i) way[static_cast<std::size_t>(i)] += beyond(hinge.v + i);
+    const Vec3<double> faster = h * s * hinge.fall;
+    store(vec(way.data() + 3) + 0.5 * h * s * faster, way.data() + 3);
     hinge.user->hinge->retract(hinge.user->hinge_packed.data(), x_.data() + hinge.q, way.data(), q);
-    if (hinge.shape == CARDAN_SHAPE_FREE_BODY) store(transpose_times(exponential(vec(way.data())), vec(rate + 3)), v + hinge.v + 3);
+    if (hinge.shape == CARDAN_SHAPE_BALL) continue;
+    const Vec3<double> along = vec(rate + 3) + faster;
+    store(hinge.shape == CARDAN_SHAPE_FREE_BODY ? transpose_times(exponential(vec(way.data())), along) : along, v + hinge.v + 3);
   }
   for (int i = 0; i < nz_; ++i) v[nv_ + i] = x_[static_cast<std::size_t>(nq_ + nv_ + i)] + beyond(nv_ + nq_ + i);
 }

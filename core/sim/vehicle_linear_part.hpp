@@ -25,7 +25,7 @@ class VehicleLinearPart final : public LinearPart {
   static std::string refusal(const Model& model);
 
   int size() const override { return 2 * nv_ + nq_ + nz_; }
-  void centre(double t, const double* x) override;
+  void centre(double t, const double* x, const double* xdot) override;
   void residual(const double* x, const double* xdot, double* r) const override;
   void divide(int pieces) override;
   void advance(double h, const std::array<const double*, 3>& r, double* x) override;
@@ -41,6 +41,7 @@ class VehicleLinearPart final : public LinearPart {
   struct Hinge {  // whose q' is not v
     int q, v, nq, nv, shape;
     const UserBody* user;
+    Vec3<double> fall{};  // [m/s^2] of a root that nothing holds: as its frame did at the centre all that it carries falls, beside r
   };
   /// Rotation vector of the attitude at q seen from that of the centre.
   Vec3<double> turned(const Hinge& hinge, const double* q) const;

@@ -20,8 +20,9 @@ class LinearPart {
  public:
   virtual ~LinearPart() = default;
   virtual int size() const = 0;  // of r
-  /// Coordinates about (t, x) from now on, the start of a step, where f has just been evaluated; M, C, K anew where they have changed.
-  virtual void centre(double t, const double* x) = 0;
+  /// Coordinates about (t, x) from now on, the start of a step, where f has just been evaluated, xdot; M, C, K anew where they have
+  /// changed.
+  virtual void centre(double t, const double* x, const double* xdot) = 0;
   /// r at x, where f is xdot.
   virtual void residual(const double* x, const double* xdot, double* r) const = 0;
   /// Steps of advance() in as many equal pieces from now on, 1 at first: each in closed form, which may not resolve what is fastest.

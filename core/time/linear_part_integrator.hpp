@@ -158,7 +158,7 @@ class LinearPartIntegrator : public Integrator {
     z0_.swap(z1_);
     if (!rates(t0_, z0_, 0))
       fail_integration(Code::integrator_failed, t0_, bad_ < 0 ? "the right-hand side cannot be evaluated at the start" : trouble(), {});
-    linear_.centre(t0_, z0_.data());
+    linear_.centre(t0_, z0_.data(), xdot_.data());
     linear_.residual(z0_.data(), xdot_.data(), r_n_.data());
     linear_.sizes(z0_.data(), size_.data());
   }

@@ -22,7 +22,7 @@ class Multirate final : public LinearPartIntegrator {
 
   void remember(Archive& archive) override {
     LinearPartIntegrator::remember(archive);
-    archive(piece_);
+    archive(piece_, rounding_, calm_);
   }
 
   std::string_view name() const override { return "multirate"; }
@@ -32,6 +32,10 @@ class Multirate final : public LinearPartIntegrator {
   static constexpr double kShare = 0.1;            // of the tolerance, that the pieces may be off by
   static constexpr double kOfStages = 10.0;        // tolerances: an error of the pieces that N at the stages may have
   static constexpr double kHalved = 4096.0;        // their error over that of pieces half as long, at most: they are of order 12
+  // Differences that do not fall to a part of what they were as pieces are halved some times are rounding, which is forgotten slowly. It
+  // may be all that keeps pieces from being longer: each few steps that is tried.
+  static constexpr double kFalls = 0.25, kForgotten = 0.99;
+  static constexpr int kStands = 4, kCalm = 16;
 
   double stages(double t1, double h) override {
     for (;;) {
@@ -42,7 +46,7 @@ class Multirate final : public LinearPartIntegrator {
       e_ = coarse_ - end_;
       const double first = refine(h, n);
       if (!std::isfinite(first)) return kNever;
-      if (apart_ > kShare) return std::max(2.0, apart_);
+      if (apart_ > share()) return std::max(2.0, apart_);
       if (first <= kOfStages) return norm(e_);
       count_rejection(statistics_.rejected, problem_, largest_of(share_.data(), n_));
     }
@@ -83,19 +87,29 @@ class Multirate final : public LinearPartIntegrator {
     return rest(at(0.5), middle_, 1, r_a_) && rest(t1, end_, 2, r_b_);
   }
 
+  /// Of the tolerance, that the pieces may be off by; where rounding is above that, their differences say no more.
+  double share() const { return std::max(kShare, rounding_); }
+
   /// z1_ by twice as many pieces, and by twice as many again while that counts; apart_: the last difference. Returns the first one.
   double refine(double h, int n) {
-    double first = kNever;
+    double first = kNever, least = kNever, most = 0.0;  // of the differences since they fell for the last time
+    int stands = 0;                                     // doublings since
+    rounding_ *= kForgotten;
     for (int fine = 2 * n; fine <= 2 * kMost; fine *= 2, coarse_ = z1_) {
       advance(h, fine, {r_n_.data(), r_1_.data(), r_2_.data()}, z1_);
       if (!all_finite(z1_.data(), n_)) return kNever;
       apart_ = norm(z1_ - coarse_);
       fine_ = fine;
       if (fine == 2 * n) first = apart_;
-      if (apart_ > kShare) continue;
+      if (apart_ < kFalls * least)
+        least = most = apart_, stands = 0;
+      else
+        least = std::min(least, apart_), most = std::max(most, apart_), ++stands;
+      if (stands == kStands && most <= kOfStages) rounding_ = 2.0 * most;
+      if (apart_ > share()) continue;
       if (fine > 2 * n)
-        piece_ = 2.0 * h / fine;
-      else if (n > kFewest && kHalved * apart_ <= kShare)
+        piece_ = 2.0 * h / (fine >> stands);
+      else if (n > kFewest && (kHalved * apart_ <= kShare || ++calm_ % kCalm == 0))
         piece_ = 2.0 * h / n;
       break;
     }
@@ -121,6 +135,8 @@ class Multirate final : public LinearPartIntegrator {
 
   double piece_ = 0.0;                        // [s] the longest piece to try; 0: not known
   int fine_ = 0;                              // pieces of the last step
+  double rounding_ = 0.0;                     // what the differences of pieces are, at least, in the norm of the error
+  long calm_ = 0;                             // steps whose pieces could have been no longer, as far as their differences tell
   double apart_ = 0.0;                        // of the last two numbers of pieces, in the norm of the error
   Eigen::ArrayXd middle_, end_, coarse_, e_;  // states; e_: by the last two sweeps
   Eigen::ArrayXd r_a_, r_b_;                  // N

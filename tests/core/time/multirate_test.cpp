@@ -5,12 +5,12 @@ namespace cardan::test {
 namespace {
 
 /// x'' = -omega^2 x + r as a linear part, each piece of it by one step of the classic Runge-Kutta method: of order 4, and wrong where a
-/// piece is long beside 1/omega.
+/// piece is long beside 1/omega. `digits`: what the end of a step is known to.
 class CoarseOscillator final : public LinearPart {
  public:
-  explicit CoarseOscillator(double omega) : omega_(omega) {}
+  explicit CoarseOscillator(double omega, double digits = 0.0) : omega_(omega), digits_(digits) {}
   int size() const override { return 2; }
-  void centre(double, const double* x) override { start_ = {x[0], x[1]}; }
+  void centre(double, const double* x, const double*) override { start_ = {x[0], x[1]}; }
   void residual(const double* x, const double* xdot, double* r) const override {
     r[0] = xdot[0] - x[1], r[1] = xdot[1] + omega_ * omega_ * x[0];
   }
@@ -19,6 +19,7 @@ class CoarseOscillator final : public LinearPart {
     h_ = h;
     for (std::size_t k = 0; k < 3; ++k) r_[k] = {r[k][0], r[k][1]};
     inside(1.0, x);
+    x[0] += digits_ * std::sin(1e3 * pieces_ + 1e9 * x[1]), x[1] += omega_ * digits_ * std::cos(1e3 * pieces_ + 1e9 * x[0]);
   }
   void effect(double, const std::array<const double*, 3>&, double*) override {}
   void leave_out(double, double*) const override {}
@@ -47,7 +48,7 @@ class CoarseOscillator final : public LinearPart {
                 k4 = rate(k3, h, s + share);
     return {x[0] + h / 6 * (k1[0] + 2 * k2[0] + 2 * k3[0] + k4[0]), x[1] + h / 6 * (k1[1] + 2 * k2[1] + 2 * k3[1] + k4[1])};
   }
-  double omega_, h_ = 0.0;
+  double omega_, digits_, h_ = 0.0;
   int pieces_ = 1;
   State start_{};
   std::array<State, 3> r_{};
@@ -97,6 +98,23 @@ TEST(Multirate, KeepsTheErrorsOfStepsAndOfPiecesApart) {
       }
     }
   EXPECT_LT(calls[2], 20 * calls[0]);  // a hundred times as fast; what of the wind swings with it sets the steps
+}
+
+/// Where pieces are known to a tenth of the tolerance alone, shorter ones tell no more, and are not taken.
+TEST(Multirate, TakesNoShorterPiecesForTheirRounding) {
+  const double tolerance = 1e-8, omega = 30.0;
+  std::vector<long> inner;
+  for (const double digits : {0.0, 1e-11}) {
+    const auto exact = make_integrator(in_the_wind(omega, 1e-14), adaptive("dop853", 1e-13));
+    const Values start = {0.01, 0.0}, wanted = integrate(*exact, 0.0, start, 2.0);
+    OdeProblem p = in_the_wind(omega, 0.01 * tolerance);
+    p.linear = std::make_shared<CoarseOscillator>(omega, digits);
+    const auto integrator = make_integrator(p, adaptive("multirate", tolerance));
+    const Values x = integrate(*integrator, 0.0, start, 2.0);
+    EXPECT_LT(std::abs(x[0] - wanted[0]), 100.0 * tolerance * 0.01) << digits;
+    inner.push_back(integrator->statistics().inner_steps);
+  }
+  EXPECT_LT(inner[1], 2 * inner[0]) << inner[0];
 }
 
 /// A linear part that no number of pieces resolves ends the run.

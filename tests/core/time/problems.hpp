@@ -101,7 +101,7 @@ class NoLinearPart final : public LinearPart {
  public:
   explicit NoLinearPart(int n) : x_(static_cast<std::size_t>(n)) {}
   int size() const override { return static_cast<int>(x_.size()); }
-  void centre(double, const double* x) override { std::copy_n(x, x_.size(), x_.begin()); }
+  void centre(double, const double* x, const double*) override { std::copy_n(x, x_.size(), x_.begin()); }
   void residual(const double*, const double* xdot, double* r) const override { std::copy_n(xdot, x_.size(), r); }
   void advance(double h, const std::array<const double*, 3>& r, double* x) override {
     h_ = h;
