@@ -63,7 +63,8 @@ double difference(Simulation& sim, TwinDynamics<T>& twin, bool& sound) {
   const VecX<T> tau = Eigen::VectorXd::Map(forces.data(), vdot.size()).template cast<T>();
   std::vector<VecX<T>> alone = {tau, state.bias, state.gravity_force, state.elastic_force, state.hinge_force};
   for (const auto& wrench : twin.wrenches(state, loads)) alone.push_back(state.external_force({wrench}));
-  for (const VecX<T>& force : alone) scale = std::max(scale, largest(unit.cwiseProduct(M.solve(VecX<T>(unit.cwiseProduct(force))))));
+  const auto caused_by = [&](const VecX<T>& force) { return largest(unit.cwiseProduct(M.solve(VecX<T>(unit.cwiseProduct(force))))); };
+  for (const VecX<T>& force : alone) scale = std::max(scale, caused_by(force));
   if (apart == 0.0) return 0.0;
   if constexpr (!std::is_same_v<T, double>) {
     // Of a vehicle that glides all of these are zero, but the twin's velocity terms are products of velocities that cancel up to rounding,
@@ -72,11 +73,12 @@ double difference(Simulation& sim, TwinDynamics<T>& twin, bool& sound) {
     const VecX<T> products = v.cwiseAbs().maxCoeff() * (state.M * v).cwiseAbs();
     const double rounding = kRounded * static_cast<double>(std::numeric_limits<T>::epsilon()),
                  in_loops = sim.model().loops.empty() ? 0.0 : kAside * std::numeric_limits<double>::epsilon();
-    if (apart <= std::max(rounding, in_loops) * largest(unit.cwiseProduct(M.solve(VecX<T>(unit.cwiseProduct(products)))))) return 0.0;
+    if (std::max(apart, scale) <= std::max(rounding, in_loops) * caused_by(products)) return 0.0;
     // Of what hangs at rest gravity's force is zero, but for the rounding of attitudes times what it is across: no more than the root of
     // the diagonal of M times that of the sum of m g^2 (Cauchy-Schwarz).
     const VecX<T> across = VecX<T>::Constant(vdot.size(), sqrt(state.pull_squared));
-    if (apart <= kAside * std::numeric_limits<double>::epsilon() * largest(unit.cwiseProduct(M.solve(across)))) return 0.0;
+    const double aside = kAside * std::numeric_limits<double>::epsilon() * largest(unit.cwiseProduct(M.solve(across)));
+    if (std::max(apart, caused_by(state.gravity_force)) <= aside) return 0.0;
   }
   const double relative = apart / scale;
   return std::isfinite(relative) ? relative : HUGE_VAL;
