@@ -240,46 +240,14 @@ RigidInertia<double> DeviceTangents::inertia_rate(int k) const {
   return sum;
 }
 
-/// What flows pushes with, by differences of eighth order along the direction as a whole; and of the bodies whose mass varies what their
-/// motion needs, as a load against it.
+/// What flows pushes with; and of the bodies whose mass varies what their motion needs, as a load against it.
 void DeviceTangents::add_flows(const soa::Inputs<Tangent>& in) {
   const Devices& devices = model_.devices;
-  const auto n_loads = static_cast<std::size_t>(devices.n_loads);
-  struct Pushed {
-    const double *x, *dx;
-    std::size_t n;
-  };
-  const auto count = [](const auto& all) { return all.size(); };
-  const Pushed parts[] = {{numbers(base_.motions_[0]), numbers(motions_[0]), count(motions_) * kMotion},
-                          {base_.out_, out_.data(), count(out_)},
-                          {base_.z_.data(), dz_.data(), count(dz_)},
-                          {base_.zdot_, zdot_.data(), count(zdot_)}};
-  std::vector<double> moved, size;
-  for (const Pushed& p : parts)
-    for (std::size_t i = 0; i < p.n; ++i) size.push_back(p.x == base_.z_.data() ? devices.nominal[i] : std::max(1.0, std::abs(p.x[i])));
-  moved.resize(size.size());
-  double largest = 0.0;
-  std::size_t at = 0;
-  for (const Pushed& p : parts)
-    for (std::size_t i = 0; i < p.n; ++i) largest = std::max(largest, std::abs(p.dx[i]) / size[at++]);
-  std::vector<Force<double>> sum(n_loads), work(n_loads);
-  if (largest > 0.0)
-    soa::derivative(
-        [&](double s, double* to) {
-          std::size_t k = 0;
-          const double* begin[4];
-          for (std::size_t p = 0; p < 4; ++p) {
-            begin[p] = moved.data() + k;
-            for (std::size_t i = 0; i < parts[p].n; ++i) moved[k++] = parts[p].x[i] + s * parts[p].dx[i];
-          }
-          auto* loads = reinterpret_cast<Force<double>*>(to);
-          std::fill_n(loads, n_loads, Force<double>{});
-          add_flow_forces(devices, reinterpret_cast<const cardan_mount_motion*>(begin[0]), begin[1], begin[2], begin[3],
-                          base_.marks_.data(), loads);
-        },
-        1e-2 / largest, static_cast<int>(6 * n_loads), &sum[0].n.x, &work[0].n.x);
-  for (std::size_t i = 0; i < devices.masses.size(); ++i) {
-    const DeviceMass& own = devices.masses[i];
+  std::vector<Force<Tangent>> sum(static_cast<std::size_t>(devices.n_loads), cast<Tangent>(Force<double>{}));
+  add_flow_forces(devices, {base_.motions_.data(), base_.out_, base_.z_.data(), base_.zdot_},
+                  {motions_.data(), out_.data(), dz_.data(), zdot_.data()}, base_.marks_.data(), sum.data());
+  const auto moved = [](const Vec3<double>& d) { return Vec3<Tangent>{{0.0, d.x}, {0.0, d.y}, {0.0, d.z}}; };
+  for (const DeviceMass& own : devices.masses) {
     const UserBody& u = model_.user[own.user];
     if (u.sweep == 0) continue;
     const Device& d = devices.all[own.device];
@@ -287,14 +255,11 @@ void DeviceTangents::add_flows(const soa::Inputs<Tangent>& in) {
     const cardan_mass change = mass_rate(devices, d, base_.z_.data(), base_.marks_.data(), dz_.data());
     const auto which = std::ranges::find(devices.varying, u.sweep, &VaryingBody::sweep) - devices.varying.begin();
     const RigidInertia<double> dM = to_inboard(u.pose, cardan::inertia_rate(m, change));
-    const Force<double> f = force_of_inertia(model_, u.sweep, dM, base_.varying_[static_cast<std::size_t>(which)], in.gravity, in.moment);
-    sum[d.mounts[own.mount].load] -= to_outboard(u.pose, f);
+    const Force<double> f =
+        to_outboard(u.pose, force_of_inertia(model_, u.sweep, dM, base_.varying_[static_cast<std::size_t>(which)], in.gravity, in.moment));
+    sum[d.mounts[own.mount].load] -= Force<Tangent>{moved(f.n), moved(f.f)};
   }
-  for (std::size_t i = 0; i < n_loads; ++i) {
-    const double *x = &base_.flow_loads_[i].n.x, *dx = &sum[i].n.x;
-    Tangent* to = &state_.wrenches[i].f.n.x;
-    for (int j = 0; j < 6; ++j) to[j] = to[j] + Tangent(x[j], dx[j]);
-  }
+  for (std::size_t i = 0; i < sum.size(); ++i) state_.wrenches[i].f += sum[i];
 }
 
 void DeviceTangents::add_at_hinges(double* stiffness, double* damping) {

@@ -258,7 +258,7 @@ bool DeviceForces::act(Workspace& ws, const Inputs& in) {
   add_hinge_forces(state_.tau);
   if (flow_loads_.empty()) return true;
   std::ranges::fill(flow_loads_, Force<double>{});
-  add_flow_forces(model_.devices, motions_.data(), out_, z_.data(), zdot_, marks_.data(), flow_loads_.data());
+  add_flow_forces(model_.devices, {motions_.data(), out_, z_.data(), zdot_}, marks_.data(), flow_loads_.data());
   for (std::size_t i = 0; i < flow_loads_.size(); ++i) state_.wrenches[i].f += flow_loads_[i];
   return true;
 }

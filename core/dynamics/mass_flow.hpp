@@ -1,6 +1,7 @@
 #pragma once
 // Bodies whose mass varies: what the mass that flows does to them. docs/mathematics/devices.md, 5.
 #include "core/dynamics/node_motion.hpp"
+#include "core/spatial/tangent.hpp"
 
 namespace cardan {
 
@@ -17,10 +18,15 @@ cardan_mass mass_rate(const Devices&, const Device&, const double* z, const doub
 /// The derivative of inertia_of(m) along `rate`.
 RigidInertia<double> inertia_rate(const cardan_mass& m, const cardan_mass& rate);
 
-/// Adds to `loads` (Devices::n_loads wrenches, node axes) what mass that is drawn and leaves does on its way. `motions`, `outputs`, z and
-/// z': of all devices, as evaluated.
-void add_flow_forces(const Devices&, const cardan_mount_motion* motions, const double* outputs, const double* z, const double* zdot,
-                     const double* marks, Force<double>* loads);
+/// Of all devices of a model, as evaluated, or the derivatives of that along a direction.
+struct EvaluatedDevices {
+  const cardan_mount_motion* motions;
+  const double *outputs, *z, *zdot;
+};
+/// Adds to `loads` (Devices::n_loads wrenches, node axes) what mass that is drawn and leaves does on its way.
+void add_flow_forces(const Devices&, const EvaluatedDevices&, const double* marks, Force<double>* loads);
+/// The same with its derivative along `along`.
+void add_flow_forces(const Devices&, const EvaluatedDevices&, const EvaluatedDevices& along, const double* marks, Force<Tangent>* loads);
 
 /// Rate of the momentum of the bodies by the change of their mass alone, [moment about the world's origin; force], world axes, and of
 /// their energy [W]: what mass that leaves had.

@@ -526,6 +526,58 @@ TEST(VaryingMass, TakesPartInLinearModels) {
   });
 }
 
+/// The same at every level of what is in the tank, where the laws of its mass are steep: next to empty and next to full, of a type that
+/// tells how its mass changes and of one that does not.
+TEST(VaryingMass, TakesPartInLinearModelsAtEveryLevel) {
+  static cardan_device_family silent = *registry().devices.find("tank");
+  silent.type = "silent_tank", silent.mass_tangent = nullptr;
+  Registry all = registry();
+  all.devices.add(silent);
+  BodySpec hub = with_node(on(rigid("hub", 40.0, {0.1, 0, 0}, diagonal({6, 7, 8})), "", "universal", {{1, 0, 0}, {0, 1, 0}}), "side",
+                           {-0.5, 0.7, 1.1}),
+           arm = with_node(on(rigid("arm", 5.0, {1, 0, 0}, diagonal({0.1, 2, 2})), "hub", "revolute", {{0, 0.6, 0.8}}), "tip", {2, 0, 0});
+  hub.hinge.q = {0.3, -0.4}, hub.hinge.v = {0.5, -0.7}, arm.hinge.q = {0.6}, arm.hinge.v = {1.1};
+  const double radius = 0.3, length = 1.2, density = 900.0;
+  for (const std::string type : {"tank", "silent_tank"})
+    for (const std::string shape : {"sphere", "cylinder"})
+      for (const double part : {1e-4, 0.001, 0.02, 0.5, 0.97, 0.999}) {
+        const double full = density * std::numbers::pi * radius * radius * (shape == "sphere" ? 4.0 / 3.0 * radius : length);
+        SystemSpec spec = system({hub, arm});
+        DeviceSpec d = with_vector(with_vector(tank("hub", part * full, radius, "left.flow + right.flow"), "axis", {0.36, -0.48, 0.8}),
+                                   "position", {0.4, -0.3, 0.2});
+        d.type = type;
+        d.params["length"] = number(length), d.params["density"] = number(density), d.params["pressure"] = number(2e6);
+        d.params["loaded"] = number(0.9995 * full), d.params["shape"].value = shape, d.params["fill"].value = std::string("settled");
+        spec.devices = {d, thruster("left", "hub.side", 20.0, 50.0, {0.6, 0, 0.8}), thruster("right", "arm.tip", 10.0, 50.0, {0, 1, 0})};
+        SimulationOptions plain;
+        plain.ledger = false;
+        Simulation sim(compile(spec, all), plain);
+        const Model& m = sim.model();
+        const int n = 2 * m.nv + m.devices.n_z;
+        const OdeProblem ode = sim.ode();
+        const std::vector<double> tau = sim.applied_forces();
+        const State here = sim.state();
+        const operators::LinearModel linear = operators::linearize(
+            m, {.q = here.q.data(), .v = here.v.data(), .tau = tau.data(), .wrenches = sim.wrenches(), .devices = sim.devices()}, {});
+        const Device& carries = *std::ranges::find(m.devices.all, type, [](const Device& each) { return std::string(each.family->type); });
+        VectorXd x(n), truth(n), work(n);
+        x << here.q, here.v, here.z;
+        for (int j = 0; j < n; ++j) {
+          const bool is_propellant = j == 2 * m.nv + carries.z;
+          const double step = is_propellant ? std::min(part, 1.0 - part) * full / 40.0 : 1e-2;
+          soa::derivative(
+              [&](double h, double* out) {
+                VectorXd moved = x;
+                moved[j] += h;
+                ode.rhs(0.0, moved.data(), out);
+              },
+              step, n, truth.data(), work.data());
+          EXPECT_LT(distance(VectorXd(linear.A.col(j)), truth), 1e-9 * (1.0 + largest(truth)))
+              << type << ", " << shape << " " << part << ", column " << j << ": " << largest(truth);
+        }
+      }
+}
+
 /// Slosh of the first mode in a cylinder of radius R filled to h is a pendulum [Abramson, NASA SP-106, 1966]: w^2 = (a / R) x tanh(x h /
 /// R), L = a / w^2, m_1 / m = 2 tanh(x h / R) / (h / R x (x^2 - 1)), x = 1.841184. Under a thrust F through its pivot, the mass centre of
 /// the rest, the pivot gives way: w^2 = F / (M L), and a damper c on the hinge damps 2 zeta w = c (1 / m_1 + 1 / M) / L^2.
