@@ -636,6 +636,30 @@ TEST(FieldsOfDevices, DragTakesWhatItsFormulaSays) {
   EXPECT_NEAR(sim.vdot()[4] / (-0.5 * rho * 2.0 * 3.0 * 7600.0 * 7600.0 / 100.0), 1.0, 1e-12);
 }
 
+/// Each reads a field where it is: of several devices in one, with a number or a vector, none what another one reads.
+TEST(FieldsOfDevices, AreReadWhereEachReaderIs) {
+  const std::vector<double> radii = {6.9e6, 6.96e6, 7.05e6};
+  SystemSpec spec = system({});
+  spec.fields = {field("air", "exponential_atmosphere", {{"density", 2e-12}}), field("earth", "dipole")};
+  for (const double r : radii) {
+    const std::string name = "stone_" + std::to_string(spec.bodies.size());
+    spec.bodies.push_back(on(rigid(name, 2.0, {0, 0, 0}, diagonal({1, 1, 1})), "", "free"));
+    spec.bodies.back().hinge.q = {1, 0, 0, 0, r, 0, 0}, spec.bodies.back().hinge.v = {0, 0, 0, 0, 7600, 0};
+    spec.devices.push_back(device("drag_of_" + name, "drag", {{"area", 3.0}}, {{"at", name}}));
+    spec.devices.push_back(device("rod_of_" + name, "magnetorquer", {{"max_moment", 30.0}}, {{"at", name}}));
+    spec.devices.back().inputs["moment_x"] = {20.0, {}};
+  }
+  Simulation sim(compiled(spec), {});
+  const VectorXd vdot = sim.vdot();
+  for (std::size_t k = 0; k < radii.size(); ++k) {
+    const auto i = static_cast<Eigen::Index>(6 * k);
+    EXPECT_NEAR(vdot[i + 4] / vdot[4], std::exp((radii[0] - radii[k]) / 58.515e3), 1e-12);
+    EXPECT_NEAR(vdot.segment<3>(i).norm() / vdot.head<3>().norm(), std::pow(radii[0] / radii[k], 3), 1e-12);
+  }
+  EXPECT_LT(vdot[4], -1e-6);
+  EXPECT_GT(vdot.head<3>().norm(), 1e-5);
+}
+
 /// What flies with the air feels none of it; what stands still in a planet's air that turns is blown along.
 TEST(FieldsOfDevices, DragKnowsAirThatTurnsWithItsPlanet) {
   const double r = 6878.137e3, omega = 7.292115e-5;
