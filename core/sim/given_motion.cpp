@@ -18,10 +18,13 @@ constexpr double kGivenOpen = 1e-6;  // what a state that was given may be open 
 constexpr double kGivenDrift = 1e3;  // ... or so many relative tolerances
 constexpr double kGivenMoves = 1e3;  // how much more than that its coordinates may move [rad, m; of large ones relatively]
 
-/// Where one profile follows another: the rates differ by more than rounding in either.
+/// Rates [rad/s, m/s] that differ by more than the rounding of what computed them: in the ninth digit of `size`, slow ones by 1e-12.
+bool apart(double a, double b, double size) { return std::abs(a - b) > 1e-9 * std::max(size, 1e-3); }
+
+/// Where one profile follows another.
 bool jumps(double before, double rate, const MotionProfile& was, const MotionProfile& is) {
   constexpr double kEver = std::numeric_limits<double>::infinity();
-  return std::abs(rate - before) > 1e-9 * std::max(was.largest_rate(-kEver, kEver), is.largest_rate(-kEver, kEver));
+  return apart(rate, before, std::max(was.largest_rate(-kEver, kEver), is.largest_rate(-kEver, kEver)));
 }
 
 const char* unit_of(const Loop& loop) { return loop.closing == Closing::distance ? " m/s" : " 1/s"; }
@@ -66,7 +69,7 @@ void Simulation::start_given_motion() {
     double& v = state_.v[p.index];
     if (!p.given && p.profile.rate(state_.t) != v) p.profile = MotionProfile::hold(v);
     const double rate = p.profile.rate(state_.t), before = v;
-    if (std::abs(rate - before) > 1e-9 * std::max(std::abs(rate), std::abs(before)) && (begun_ || before != 0.0))
+    if (apart(rate, before, std::max(std::abs(rate), std::abs(before))) && (begun_ || before != 0.0))
       warn(Code::mission_doubt, {"profile of " + name_of(p.index), {}},
            fmt::format("the rate is {:.6g} and the profile's {:.6g}: it jumps, and what that does to other bodies is left out", before,
                        rate),

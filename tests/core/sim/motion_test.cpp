@@ -465,6 +465,21 @@ TEST(Prescribed, ARateThatJumpsIsSaidOnce) {
   }
 }
 
+/// Rates that a controller computes for what is to rest are rounding, and no jumps.
+TEST(Prescribed, ARateOfRoundingIsNoJump) {
+  BodySpec arm = on(rigid("arm", 10.0, {0.5, 0, 0}, diagonal({1, 2, 2})), "", "revolute", {{0, 0, 1}});
+  arm.hinge.prescribed = {0};
+  for (const double rate : {-2.9e-19, 1e-9}) {
+    Simulation sim(compiled(system({arm})), by("dopri5"));
+    sim.prescribe(0, MotionProfile::hold(0.0));
+    sim.run(0.1);
+    sim.prescribe(0, MotionProfile::hold(rate));
+    sim.run(0.2);
+    EXPECT_EQ(sim.warnings().empty(), rate < 0.0) << render(sim.warnings());
+    EXPECT_EQ(sim.state().v[0], rate);
+  }
+}
+
 /// From rest the rate of a given hinge in a loop is a blow where masses say what follows, and told; where it leaves nothing free it is no
 /// question, nor is it where others begin with rates that go with it.
 TEST(Prescribed, ARateFromRestInALoopIsToldToBeABlow) {
