@@ -34,7 +34,7 @@ class Multirate final : public LinearPartIntegrator {
   static constexpr double kHalved = 4096.0;        // their error over that of pieces half as long, at most: they are of order 12
   // Differences that do not fall to a part of what they were as pieces are halved some times are rounding, which is forgotten slowly. It
   // may be all that keeps pieces from being longer: each few steps that is tried.
-  static constexpr double kFalls = 0.25, kForgotten = 0.99;
+  static constexpr double kFalls = 0.25, kForgotten = 0.99, kOfRounding = 2.0;  // tolerances, that it may be
   static constexpr int kStands = 4, kCalm = 16;
 
   double stages(double t1, double h) override {
@@ -105,7 +105,7 @@ class Multirate final : public LinearPartIntegrator {
         least = most = apart_, stands = 0;
       else
         least = std::min(least, apart_), most = std::max(most, apart_), ++stands;
-      if (stands == kStands && most <= kOfStages) rounding_ = 2.0 * most;
+      if (stands == kStands && most <= kOfRounding) rounding_ = 2.0 * most;
       if (apart_ > share()) continue;
       if (fine > 2 * n)
         piece_ = 2.0 * h / (fine >> stands);
