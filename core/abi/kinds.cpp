@@ -112,16 +112,17 @@ const Table& as(const void* table) {
 /// faults and violations are functions of the table; `families` says where the registry keeps them.
 template <class Table, std::size_t least, auto faults, auto violations, auto families>
 constexpr FamilyKind kind_of(const char* kind, const char* word) {
-  return {.kind = kind,
-          .word = word,
-          .keep = keep<Table, least>,
-          .type = [](const void* t) { return as<Table>(t).type; },
-          .summary = [](const void* t) { return as<Table>(t).summary; },
-          .faults = [](const void* t) { return faults(as<Table>(t)); },
-          .violations = [](const void* t, int samples, std::uint64_t seed, const TellPhase& before,
-                           LawRecord* record) { return violations(as<Table>(t), samples, seed, before, record); },
-          .known = [](const Registry& r, const void* t) { return (r.*families).has(as<Table>(t)); },
-          .add = [](Registry& r, const void* t, const std::string& origin) { (r.*families).add(as<Table>(t), origin); }};
+  return {
+      .kind = kind,
+      .word = word,
+      .keep = keep<Table, least>,
+      .type = [](const void* t) { return as<Table>(t).type; },
+      .summary = [](const void* t) { return as<Table>(t).summary; },
+      .faults = [](const void* t) { return faults(as<Table>(t)); },
+      .violations = [](const void* t, int samples, std::uint64_t seed, const TellPhase& before,
+                       LawRecord* record) { return violations(as<Table>(t), samples, seed, before, record); },
+      .known = [](const Registry& r, const void* t) { return (r.*families).has(as<Table>(t)); },
+      .add = [](Registry& r, const void* t, const std::string& origin, const Located& at) { (r.*families).add(as<Table>(t), origin, at); }};
 }
 
 constexpr FamilyKind kKinds[] = {

@@ -29,7 +29,7 @@ struct FamilyKind {
   std::vector<std::string> (*faults)(const void* table);
   std::vector<std::string> (*violations)(const void* table, int samples, std::uint64_t seed, const TellPhase& before, LawRecord* record);
   bool (*known)(const Registry&, const void* table);
-  void (*add)(Registry&, const void* table, const std::string& origin);
+  void (*add)(Registry&, const void* table, const std::string& origin, const Located& at);
 };
 
 std::span<const FamilyKind> family_kinds();

@@ -188,7 +188,7 @@ void load_plugin(const std::string& path, Registry& registry, const Located& at)
     if (!f.violations.empty())
       here.refuse(Code::plugin_law, fmt::format("{} \"{}\" to obey the laws of its kind", f.kind->word, f.type), f.violations.front(),
                   fmt::format("the whole list: cardan check-plugin {}", path));
-    f.kind->add(registry, f.family, path);
+    f.kind->add(registry, f.family, path, at);
   }
 }
 

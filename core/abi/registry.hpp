@@ -30,11 +30,12 @@ class Families {
     const Table* family;
     std::string origin;  // "built-in" or the path of the plugin
   };
-  /// Throws InputError (C0207) for a type that exists already.
-  void add(const Table& family, std::string origin = "built-in") {
-    if (find(family.type))
-      refuse(Code::duplicate_name, {family.type, {std::move(origin)}}, "a type that is not taken yet",
-             std::string("\"") + family.type + "\"", "prefix the type with the name of the plugin: \"acme/...\"");
+  /// Throws InputError (C0207) for a type that exists already. `at`: where the plugin is asked for; none: its path.
+  void add(const Table& family, std::string origin = "built-in", const Located& at = {}) {
+    if (const Entry* taken = entry(family.type))
+      refuse(Code::duplicate_name, at.mark.file.empty() ? Located{family.type, {origin}} : at, "a type that is not taken yet",
+             std::string("\"") + family.type + "\" twice: " + taken->origin + ", and " + origin,
+             "prefix the type with the name of the plugin: \"acme/...\"");
     all_.push_back({&family, std::move(origin)});
   }
   const Entry* entry(std::string_view type) const {

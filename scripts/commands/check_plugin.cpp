@@ -146,7 +146,7 @@ void expect_free_types(const std::string& plugin, std::vector<PluginFamily>& fam
   for (PluginFamily& f : families) {
     if (!f.violations.empty()) continue;
     try {
-      f.kind->add(registry, f.family, plugin);
+      f.kind->add(registry, f.family, plugin, {});
     } catch (const InputError& error) {
       const Diagnostic& why = error.diagnostics().front();
       f.violations.push_back(fmt::format("type: expected {}, got {}; {}", why.expected, why.got, why.hint));

@@ -248,12 +248,15 @@ TEST(Plugins, AreRefusedWithTheseWords) {
 
 TEST(Plugins, WithATypeThatIsTakenAreToldSoBeforeTheFirstRun) {
   const PluginFolder dir;
-  EXPECT_TRUE(has(with_fault("taken_type", {"check", "."}, dir.path()).err, "error[C0207]: name used twice\n  --> ./p.so\n"));
+  const std::string told = with_fault("taken_type", {"check", "."}, dir.path()).err;
+  EXPECT_TRUE(has(told, "error[C0207]: name used twice\n  --> ./scenario.lua:1\n  at: plugin\n")) << told;
+  EXPECT_TRUE(has(told, "got:      \"prismatic\" twice: built-in, and ./p.so\n")) << told;
   const Finished alone = with_fault("taken_type", {"check-plugin", "p.so"}, dir.path());
   EXPECT_EQ(alone.exit_code, 1);
   EXPECT_EQ(alone.out,
             "FAIL  hinge prismatic: a slide along x\n"
-            "      type: expected a type that is not taken yet, got \"prismatic\"; prefix the type with the name of the plugin: "
+            "      type: expected a type that is not taken yet, got \"prismatic\" twice: built-in, and p.so; prefix the type with the name "
+            "of the plugin: "
             "\"acme/...\"\n");
 }
 
