@@ -17,12 +17,12 @@ namespace {
 
 // Between two ticks an explicit method takes a step or two for what is slow: an angle of the fastest swing beyond this makes them more.
 constexpr double kAngle = 5.0;         // [rad]
+constexpr double kTwoSteps = 0.3;      // [rad] by which it takes two steps of order 5 at fine tolerances
 constexpr double kWithoutTicks = 1.0;  // [s] that slow motion takes at least for such an angle, where nothing interrupts
 constexpr double kStiff = 1e3;         // decays of that rate [1/s] hold an explicit method to thousands of steps in a second
 constexpr double kFine = 1e-11;        // relative: below, an order of three is too low
 constexpr double kHighOrder = 1e-7;    // relative: below, order 8 needs half the evaluations of order 5
 constexpr double kBeside = 0.2;  // of the fastest swing: what is not linear and faster holds exponential, of order three, to as many steps
-constexpr double kLively = 0.3;  // of a radian of the fastest swing in a step of exponential: an explicit method takes several times that
 constexpr double kDense = 50.0;  // states up to which a dense Jacobian is faster
 
 }  // namespace
@@ -61,21 +61,20 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
   const FastestMotion beside = closed_form ? swing_of_devices(*model, 0.0, start) : FastestMotion{};
   if (closed_form && beside.rate <= kBeside * fastest.rate) {
     method = "exponential";
-    out.options.give_way_below = kLively / fastest.rate;
-    out.options.give_way_to = asked.relative_tolerance < kHighOrder ? "dop853" : "dopri5";
-    out.why =
-        told + often + ": it is advanced in closed form" +
-        fmt::format("; where its steps are shorter than {:.2g} s on average, {} goes on for {} steps, the next time for twice as many",
-                    out.options.give_way_below, out.options.give_way_to, kExplicitSteps) +
-        (as_commanded ? "; where a mission commands a device that ends steps (a stepper without `rate_limit`) often, dopri5 is faster"
-                      : "");
+    out.options.rivals = {asked.relative_tolerance < kHighOrder ? "dop853" : "dopri5", "multirate"};
+    out.why = told + often + ": it is advanced in closed form" +
+              fmt::format("; where the error sets its steps, {} and multirate are tried beside it, and what costs least goes on",
+                          out.options.rivals.front()) +
+              (as_commanded ? "; where a mission commands a device that ends steps (a stepper without `rate_limit`) often, dopri5 is faster"
+                            : "");
   } else if (fastest.decays && fastest.rate > kStiff && model->spec->loops.empty()) {
     method = "cvode_bdf";
     if (model->nq + model->nv > kDense && asked.linear_solver.empty() && standard) out.options.linear_solver = "krylov";
     out.why = told + ": stiff" + (not_linear.empty() ? std::string() : fmt::format(", and exponential does not take {}", not_linear));
   } else {
     // Order 8 pays where a step of its own fits between two ticks, or the fastest motion makes it several.
-    method = asked.relative_tolerance < kHighOrder && std::max(angle, 2.0 * std::numbers::pi * interval) > kAngle ? "dop853" : "dopri5";
+    const bool long_enough = angle > kTwoSteps || 2.0 * std::numbers::pi * interval > kAngle;
+    method = asked.relative_tolerance < kHighOrder && long_enough ? "dop853" : "dopri5";
     const std::string why_high = fmt::format("a tolerance of {:g}{}", asked.relative_tolerance, often.empty() ? " on long stretches" : "");
     const std::string why_low = often.empty() ? fmt::format("a tolerance of {:g}", asked.relative_tolerance) : often.substr(5);
     out.why = (method == "dop853" ? why_high : why_low) +

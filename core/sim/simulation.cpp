@@ -431,7 +431,7 @@ OdeProblem Simulation::ode() {
                            }});
   momentum_.reset();
   if (advances_linear_part(options_.integrator.method)) {
-    ode.linear = std::make_shared<VehicleLinearPart>(model_, options_.integrator.method, devices_.get());
+    ode.linear = [this](const std::string& method) { return std::make_shared<VehicleLinearPart>(model_, method, devices_.get()); };
     if (MomentumKeeper::honours(m) && !own_) momentum_ = std::make_unique<MomentumKeeper>(m);
   }
   if (options_.integrator.method.starts_with("variational"))

@@ -135,7 +135,7 @@ void Simulation::step(double t_stop) {
   if (report.rounding > 0.0) say_rounding(report);
   say_whirling();
   if (recorder_ && !report.goes_on.empty())
-    recorder_->note(Note::event, state_.t, {"integrator", fmt::format("{} goes on in place of {}", report.goes_on, integrator_name())});
+    recorder_->note(Note::event, state_.t, {"integrator", fmt::format("{} goes on: it costs least here", report.goes_on)});
   doing_ = RestartCause::event;
   if (report.event) pass_crossings(report.crossed);
   // v' of a prescribed motion jumps at a corner; the history of a multi-step method is not on closed loops.

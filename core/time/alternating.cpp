@@ -1,4 +1,4 @@
-// A method that advances a linear part in closed form, and an explicit one that takes its place where that does not pay.
+// A method that advances a linear part in closed form, and rivals that take its place where they cost less.
 // docs/mathematics/integration.md, "Which method".
 #include <algorithm>
 #include <vector>
@@ -8,15 +8,20 @@
 namespace cardan {
 namespace {
 
-/// What swings fast may hang on how bodies stand: then the closed form is another one at each place, and its steps are shorter than those
-/// by which a method of higher order follows the swings. Once kLook steps whose length the error has set were shorter on average than
-/// `give_way_below`, `give_way_to` goes on; after kExplicitSteps, twice as many each time, the first one is tried again.
+/// What swings fast may hang on how bodies stand, and one of its methods then follows it for a fraction of what another one costs. No
+/// initial state tells that, so it is tried: once the error has set most of kLook steps of the first method, each rival in turn goes on for
+/// as much as these cost, and the one that cost least in a second does for kStretch times as much, twice that each time; then the first
+/// one is looked at again. Costs are counted and not timed: the same bits each time.
 class Alternating final : public Integrator {
  public:
-  Alternating(OdeProblem problem, const IntegratorOptions& options) : problem_(std::move(problem)), options_(options) {
+  Alternating(OdeProblem problem, const IntegratorOptions& options)
+      : problem_(std::move(problem)), options_(options), names_(options.rivals) {
+    names_.insert(names_.begin(), options.method);
+    options_.rivals.clear();
+    price_.assign(names_.size(), 0.0);
     x_.assign(static_cast<std::size_t>(problem_.n), 0.0);
     for (std::vector<double>* y : {&y_, &error_, &y_now_, &error_now_}) y->assign(static_cast<std::size_t>(problem_.n_quadrature), 0.0);
-    make();
+    make(options.initial_step);
   }
 
   void restart(double t, const double* x) override {
@@ -26,23 +31,18 @@ class Alternating final : public Integrator {
   }
 
   StepReport step(double t_stop, double* x) override {
-    if (turns_) {
+    if (next_ != turn_) {
       turn();
       now_->restart(t_, x_.data());
     }
     const double t = t_;
     StepReport report = now_->step(t_stop, x);
     reached(report.t, x);
-    if (explicit_) {
-      turns_ = (--left_ <= 0 || report.stiff) && !report.event;
-      report.stiff = false;
-    } else if (report.limit == StepLimit::error) {
-      length_ += report.t - t;
-      if (++short_ < kLook) return report;
-      turns_ = length_ < kLook * options_.give_way_below && !report.event;
-      short_ = 0, length_ = 0.0;
-    }
-    if (turns_) report.goes_on = explicit_ ? options_.method : options_.give_way_to;
+    passed_ += report.t - t;
+    ++steps_;
+    if (report.limit == StepLimit::error) ++by_error_;
+    report.stiff = false;  // of a rival, whose price tells
+    if (!report.event && (trying_ ? tried() : cost() >= stretch_)) report.goes_on = decide();
     return report;
   }
 
@@ -57,18 +57,19 @@ class Alternating final : public Integrator {
   }
 
   void remember(Archive& archive) override {
-    const bool was_explicit = explicit_;
-    archive(explicit_, short_, length_, left_, stretch_, std::span(y_), std::span(error_));
-    if (archive.reading() &&
-        !(short_ >= 0 && short_ < kLook && left_ <= kLongestExplicitSteps && stretch_ > 0 && stretch_ <= kLongestExplicitSteps))
+    const int was = turn_;
+    archive(turn_, trying_, steps_, by_error_, passed_, cost_before_, budget_, stretch_, longer_, told_, std::span(price_), std::span(y_),
+            std::span(error_));
+    const auto known = [&](int method) { return method >= 0 && method < static_cast<int>(names_.size()); };
+    if (archive.reading() && !(known(turn_) && known(told_) && longer_ >= 1 && longer_ <= kLongest))
       archive.wrong("counts of steps are none");
     before_.remember(archive);
-    if (explicit_ != was_explicit) {
-      make();
+    next_ = turn_;
+    if (turn_ != was) {
+      make(0.0);
       now_->restart(t_, x_.data());
     }
     now_->remember(archive);
-    if (explicit_) problem_.linear->remember(archive);
   }
 
   IntegratorStatistics statistics() const override {
@@ -83,25 +84,72 @@ class Alternating final : public Integrator {
 
  private:
   static constexpr int kLook = 200;
+  static constexpr int kStretch = 10, kLongest = 64;
+  // Evaluations of f by an explicit method that take as long: for each of `exponential` with what it advances, each of `multirate`, and
+  // each of its pieces. Measured for vehicles of 2 to 30 bodies; docs/benchmarks.md.
+  static constexpr double kInClosedForm = 3.3, kBesidePieces = 2.0, kPiece = 0.5;
 
-  void make() {
-    IntegratorOptions options = options_;
-    options.give_way_below = 0.0, options.give_way_to.clear();
-    if (explicit_) options.method = options_.give_way_to;
-    now_ = make_integrator(problem_, options);
+  /// In evaluations of f by an explicit method, since it was counted last.
+  double cost() const {
+    const IntegratorStatistics s = now_->statistics();
+    const std::string& name = name_of(turn_);
+    const double of_call = name == "multirate" ? kBesidePieces : advances_linear_part(name) ? kInClosedForm : 1.0;
+    return of_call * static_cast<double>(s.rhs_calls) + kPiece * static_cast<double>(s.inner_steps) - cost_before_;
+  }
+
+  void count_anew() {
+    cost_before_ += cost();
+    passed_ = 0.0;
+    steps_ = by_error_ = 0;
+  }
+
+  /// Whether that is enough of the method that is tried.
+  bool tried() {
+    if (turn_ > 0) return cost() >= budget_;
+    if (steps_ < kLook) return false;
+    if (2 * by_error_ >= steps_) return true;
+    count_anew();  // ticks and events set its steps
+    return false;
+  }
+
+  /// What goes on, if it is another one than that which was told last.
+  std::string_view decide() {
+    const double cost_now = cost();
+    if (!trying_) {
+      next_ = 0, trying_ = true;
+    } else {
+      price_[static_cast<std::size_t>(turn_)] = passed_ > 0.0 ? cost_now / passed_ : std::numeric_limits<double>::infinity();
+      if (turn_ == 0) budget_ = cost_now;
+      next_ = turn_ + 1;
+      if (next_ == static_cast<int>(names_.size())) {
+        next_ = static_cast<int>(std::ranges::min_element(price_) - price_.begin());
+        trying_ = false;
+        stretch_ = kStretch * longer_ * budget_;
+        longer_ = std::min(2 * longer_, kLongest);
+      }
+    }
+    count_anew();
+    if (trying_ || next_ == told_) return {};
+    told_ = next_;
+    return name_of(told_);
+  }
+
+  const std::string& name_of(int method) const { return names_[static_cast<std::size_t>(method)]; }
+
+  void make(double initial_step) {
+    options_.method = name_of(turn_);
+    options_.initial_step = initial_step;
+    now_ = make_integrator(problem_, options_);
   }
 
   void turn() {
-    if (!std::exchange(turns_, false)) return;
+    if (next_ == turn_) return;
     now_->integrals(t_, y_now_.data(), error_now_.data());
     for (std::size_t i = 0; i < y_.size(); ++i) y_[i] += y_now_[i], error_[i] += error_now_[i];
     before_.add(now_->statistics());
-    explicit_ = !explicit_;
-    if (explicit_) {
-      left_ = stretch_;
-      stretch_ = std::min(2 * stretch_, kLongestExplicitSteps);
-    }
-    make();
+    turn_ = next_;
+    cost_before_ = 0.0;
+    make(0.0);
   }
 
   void reached(double t, const double* x) {
@@ -111,12 +159,17 @@ class Alternating final : public Integrator {
 
   OdeProblem problem_;
   IntegratorOptions options_;
+  std::vector<std::string> names_;  // the first method, its rivals
   std::unique_ptr<Integrator> now_;
-  bool explicit_ = false, turns_ = false;     // which one it is; the next one begins where this one is
-  int short_ = 0;                             // steps of the first one since it was looked at last ...
-  double length_ = 0.0;                       // [s] ... and their sum
-  long left_ = 0, stretch_ = kExplicitSteps;  // explicit steps until the first one is tried again; when its turn comes next
-  double t_ = 0.0;                            // [s] reached
+  int turn_ = 0, next_ = 0, told_ = 0;   // which one it is; which one begins where this one is; which one was told to go on
+  bool trying_ = true;                   // else it goes on
+  long steps_ = 0, by_error_ = 0;        // since it is tried; of them, those whose length the error has set
+  double passed_ = 0.0;                  // [s] since then
+  double cost_before_ = 0.0;             // of what it did before that
+  double budget_ = 0.0, stretch_ = 0.0;  // what a trial may cost; what the stretch after it may
+  int longer_ = 1;                       // of the next stretch
+  double t_ = 0.0;                       // [s] reached
+  std::vector<double> price_;            // of each in a second
   std::vector<double> x_;
   std::vector<double> y_, error_, y_now_, error_now_;  // integrals of those before, and what they may be off by; of this one
   IntegratorStatistics before_;

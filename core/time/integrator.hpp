@@ -142,22 +142,22 @@ struct OdeProblem {
   std::function<bool(double t, const double* x, double gamma, bool moved)> prepare;
   /// Solves (1 - gamma J) z = r approximately, a fixed linear map between two calls of prepare. Both or none.
   std::function<bool(const double* r, double* z)> precondition;
-  std::shared_ptr<LinearPart> linear;        // of the methods `exponential` and `multirate` alone
+  /// A new one for the method of that name; of `exponential` and `multirate` alone.
+  std::function<std::shared_ptr<LinearPart>(const std::string& method)> linear;
   std::shared_ptr<MomentumForm> momenta;     // of the methods `variational` and `variational4` alone
   std::shared_ptr<ImplicitForm> implicit;    // of the method `ida` alone
   std::shared_ptr<ExtendedMotion> extended;  // of the method `extended` alone
 };
 
 struct IntegratorOptions {
-  std::string method = "dopri5";     // auto, ark_explicit, ark_imex, ark_implicit, cvode_adams, cvode_bdf, dop853, dopri5, exponential,
-                                     // extended, ida, multirate, rk4, variational, variational4
-  double relative_tolerance = 1e-9;  // adaptive methods
-  double max_step = 0.0;             // [s] 0 = none; adaptive methods
-  double initial_step = 0.0;         // [s] 0 = the method's choice; adaptive methods
-  double fixed_step = 0.0;           // [s] rk4, variational, variational4
-  std::string linear_solver = {};    // of Newton's equations, ark_implicit and cvode_bdf only: dense (when empty), krylov; ida: sparse
-  double give_way_below = 0.0;       // [s] 0 = none; of `exponential`: where its steps are shorter on average, that of ...
-  std::string give_way_to = {};      // ... this name goes on for a while; by choose_method()
+  std::string method = "dopri5";         // auto, ark_explicit, ark_imex, ark_implicit, cvode_adams, cvode_bdf, dop853, dopri5, exponential,
+                                         // extended, ida, multirate, rk4, variational, variational4
+  double relative_tolerance = 1e-9;      // adaptive methods
+  double max_step = 0.0;                 // [s] 0 = none; adaptive methods
+  double initial_step = 0.0;             // [s] 0 = the method's choice; adaptive methods
+  double fixed_step = 0.0;               // [s] rk4, variational, variational4
+  std::string linear_solver = {};        // of Newton's equations, ark_implicit and cvode_bdf only: dense (when empty), krylov; ida: sparse
+  std::vector<std::string> rivals = {};  // of `exponential`: methods that go on in its place where they cost less; by choose_method()
 };
 
 struct IntegratorStatistics {

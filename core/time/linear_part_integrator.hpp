@@ -17,7 +17,8 @@ class LinearPartIntegrator : public Integrator {
  public:
   LinearPartIntegrator(OdeProblem problem, const IntegratorOptions& options, int order)
       : problem_(std::move(problem)),
-        linear_(*problem_.linear),
+        part_(problem_.linear(options.method)),
+        linear_(*part_),
         n_(problem_.n),
         n_y_(problem_.n_quadrature),
         options_(options),
@@ -137,6 +138,7 @@ class LinearPartIntegrator : public Integrator {
   }
 
   OdeProblem problem_;
+  std::shared_ptr<LinearPart> part_;
   LinearPart& linear_;
   int n_, n_y_;
   double t0_ = 0.0, t1_ = 0.0, step_ = 0.0;  // [s] begin and end of the last step; its length, which an event ended earlier

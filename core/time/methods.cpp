@@ -128,7 +128,7 @@ std::unique_ptr<Integrator> make_integrator(OdeProblem problem, const Integrator
     throw std::logic_error("make_integrator: one absolute tolerance per state is needed");
   if (!std::all_of(absolute.begin(), absolute.end(), [](double a) { return a > 0.0; }))
     refuse(Code::out_of_range, "absolute", "positive numbers", fmt::format("{:g}", *std::min_element(absolute.begin(), absolute.end())));
-  return (options.give_way_below > 0.0 ? make_alternating : method.make)(std::move(problem), options);
+  return (options.rivals.empty() ? method.make : make_alternating)(std::move(problem), options);
 }
 
 }  // namespace cardan

@@ -17,9 +17,7 @@ std::unique_ptr<Integrator> make_dop853(OdeProblem problem, const IntegratorOpti
 std::unique_ptr<Integrator> make_dopri5(OdeProblem problem, const IntegratorOptions& options);
 /// Needs OdeProblem::linear.
 std::unique_ptr<Integrator> make_exponential(OdeProblem problem, const IntegratorOptions& options);
-/// Steps of IntegratorOptions::give_way_to the first time; twice as many each time, up to kLongestExplicitSteps.
-inline constexpr long kExplicitSteps = 2000, kLongestExplicitSteps = 64'000;
-/// Needs OdeProblem::linear.
+/// IntegratorOptions::method and its rivals.
 std::unique_ptr<Integrator> make_alternating(OdeProblem problem, const IntegratorOptions& options);
 /// Needs OdeProblem::linear.
 std::unique_ptr<Integrator> make_multirate(OdeProblem problem, const IntegratorOptions& options);

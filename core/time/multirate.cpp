@@ -36,6 +36,9 @@ class Multirate final : public LinearPartIntegrator {
   // may be all that keeps pieces from being longer: each few steps that is tried.
   static constexpr double kFalls = 0.25, kForgotten = 0.99, kOfRounding = 2.0;  // tolerances, that it may be
   static constexpr int kStands = 4, kCalm = 16;
+  // Places of the second sweep, by the golden ratio: no swing of few turns in a step has the same phase there as at the start, the middle
+  // and the end. One of four turns has so at quarters, where nothing tells it from what stands still.
+  static constexpr double kLate = 0.5 * std::numbers::phi, kEarly = 1.0 - kLate;
 
   double stages(double t1, double h) override {
     for (;;) {
@@ -52,8 +55,8 @@ class Multirate final : public LinearPartIntegrator {
     }
   }
 
-  /// The rule by the start, the middle and the end, from that by the start and both quarters.
-  double noise() const override { return 0.95; }
+  /// The rule by the start, the middle and the end, from that by the start and both places between.
+  double noise() const override { return 1.06; }
 
   int pieces(double h) {
     if (!(piece_ > 0.0)) piece_ = h / kFewest;
@@ -68,19 +71,19 @@ class Multirate final : public LinearPartIntegrator {
     statistics_.inner_steps += n;
   }
 
-  /// r_a_, r_b_: N at the middle and the end; end_: the state there through N at a quarter and three quarters, of an order less.
+  /// r_a_, r_b_: N at the middle and the end; end_: the state there through N at the places between, of an order less.
   bool sweep(double t1, double h, int n) {
     const auto at = [&](double s) { return t0_ + s * h; };
     advance(0.5 * h, n / 2, {r_n_.data(), zero_.data(), zero_.data()}, middle_);
     if (!rest(at(0.5), middle_, 1, r_a_)) return false;
     r_1_ = 2.0 * (r_a_ - r_n_);
     advance(h, n, {r_n_.data(), r_1_.data(), zero_.data()}, end_);
-    linear_.inside(0.75, end_.data());
-    linear_.inside(0.25, middle_.data());
-    if (!rest(at(0.25), middle_, 1, r_a_) || !rest(at(0.75), end_, 2, r_b_)) return false;
+    linear_.inside(kLate, end_.data());
+    linear_.inside(kEarly, middle_.data());
+    if (!rest(at(kEarly), middle_, 1, r_a_) || !rest(at(kLate), end_, 2, r_b_)) return false;
     g_a_ = g_[1], g_b_ = g_[2];
-    r_1_ = 6.0 * (r_a_ - r_n_) - 2.0 / 3.0 * (r_b_ - r_n_);
-    r_2_ = 8.0 / 3.0 * (r_b_ - r_n_) - 8.0 * (r_a_ - r_n_);
+    r_2_ = ((r_b_ - r_n_) / kLate - (r_a_ - r_n_) / kEarly) / (kLate - kEarly);
+    r_1_ = (r_a_ - r_n_) / kEarly - kEarly * r_2_;
     advance(h, n, {r_n_.data(), r_1_.data(), r_2_.data()}, end_);
     linear_.inside(0.5, middle_.data());
     linear_.sizes(end_.data(), size_1_.data());
@@ -116,19 +119,19 @@ class Multirate final : public LinearPartIntegrator {
     return first;
   }
 
-  /// What Simpson's rule over both halves, through the rates of the sweep before, tells of that over the step, and these rates of its
-  /// polynomial inside. Where they do not fall off, the step has swings in it that they do not resolve: then by how much they differ, and
-  /// of several swings how large they are.
+  /// What the rule through five rates, two of them of the sweep before, tells of Simpson's, and these two of its polynomial inside. Where
+  /// they do not fall off, the step has swings in it that they do not resolve: then by how much they differ.
   Eigen::ArrayXd& error_of_integrals(bool inside) override {
-    constexpr double kFallsOff = 0.05;
+    constexpr double kFallsOff = 0.05, u = kLate - kEarly, p = kEarly * kLate;
     for (int i = 0; i < n_y_; ++i) {
       const double a = g_[0][i], b = g_a_[i], c = g_[1][i], d = g_b_[i], e = g_[2][i];
-      const double halves = 16.0 / 15.0 / 12.0 * std::abs(a - 4.0 * b + 6.0 * c - 4.0 * d + e);
-      const double quarters = std::max(std::abs(b - 0.375 * a - 0.75 * c + 0.125 * e), std::abs(d + 0.125 * a - 0.75 * c - 0.375 * e));
+      const double whole = std::abs((a + e) / p - (b + d) / (u * u * p) + 8.0 * c / (u * u)) / 60.0;
+      const auto off = [c](double near, double value, double far) {  // of a value at a place between
+        return std::abs(value - kLate * u * near - 4.0 * p * c + kEarly * u * far);
+      };
       const auto [least, most] = std::minmax({a, b, c, d, e});
-      const double apart = most - least, share = inside ? quarters : halves;
-      const bool resolved = fine_ <= 2 * kFewest && share <= kFallsOff * apart;
-      y_share_[i] = resolved ? share : fine_ <= 2 * kFewest ? apart : std::max(most, -least);
+      const double apart = most - least, share = inside ? std::max(off(a, b, e), off(e, d, a)) : whole;
+      y_share_[i] = fine_ <= 2 * kFewest && share <= kFallsOff * apart ? share : apart;
     }
     return y_share_;
   }
@@ -140,7 +143,7 @@ class Multirate final : public LinearPartIntegrator {
   double apart_ = 0.0;                        // of the last two numbers of pieces, in the norm of the error
   Eigen::ArrayXd middle_, end_, coarse_, e_;  // states; e_: by the last two sweeps
   Eigen::ArrayXd r_a_, r_b_;                  // N
-  Eigen::ArrayXd g_a_, g_b_, y_share_;        // rates of the integrals at a quarter and three quarters
+  Eigen::ArrayXd g_a_, g_b_, y_share_;        // rates of the integrals at the places between
 };
 
 }  // namespace

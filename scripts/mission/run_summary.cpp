@@ -205,7 +205,7 @@ std::string summary_text(const Scenario& s, const Summary& sum, const std::vecto
   if (!s.mission.why_method.empty()) {
     const std::string &chosen = s.mission.simulation.integrator.method, last = s.sim->integrator_name();
     text += fmt::format("{} was chosen by auto: {}{}\n", chosen, s.mission.why_method,
-                        last == chosen ? "" : fmt::format("; {} goes on where its steps are short", last));
+                        last == chosen ? "" : fmt::format("; {} went on at the end", last));
   }
   if (sum.preconditioner_setups > 0)
     text += fmt::format("{} products J v, {} preconditioners, {} linear iterations\n", sum.jacobian_products, sum.preconditioner_setups,

@@ -534,6 +534,56 @@ TEST(Exponential, GivesWayForAWhileWhereItsStepsAreShort) {
   EXPECT_TRUE(automatic.sim.warnings().all().empty());
 }
 
+/// A boom on a bus, which swings and moves a body at its tip, under ticks of 20 Hz.
+struct SwingingLoad {
+  double bus, stiffer, damping;  // [kg]; of the boom; [N m s] of its joint
+
+  std::unique_ptr<Simulation> run(const std::string& method, double relative, double until) const {
+    SystemSpec spec = beam_with_a_body("tip");
+    ModalData boom = *spec.bodies[0].modal;
+    boom.K *= stiffer;
+    spec.bodies[0].modal = std::make_shared<const ModalData>(boom);
+    SpringDamper joint;
+    joint.damping = damping;
+    spec.bodies[0].hinge.springs = {joint};
+    spec.bodies[0].hinge.inboard_body = "bus";
+    spec.bodies.insert(spec.bodies.begin(),
+                       on(rigid("bus", bus, {0.02, -0.01, 0.05}, diagonal({0.2 * bus, 0.15 * bus, 0.22 * bus})), "", "free_body"));
+    const auto model = compiled(spec);
+    SimulationOptions options = by_exponential(0.0, relative, method);
+    options.absolute_tolerance = 1e-6 * relative;
+    auto sim = std::make_unique<Simulation>(model, options);
+    State s = model->initial_state();
+    for (const UserBody& u : model->user)
+      for (int k = 0; k < u.n_modes; ++k) s.v[u.etadot + k] = 1e-6 / (k + 1);
+    sim->set_state(s);
+    sim->every({1, 20}, [sim = sim.get()] { sim->set_force(0, 1e-7 * std::cos(sim->time())); });
+    sim->run(until);
+    return sim;
+  }
+};
+
+/// A mode of 80 Hz makes four turns between two ticks, one in each quarter, and what it does to others must not pass for what stands still.
+TEST(Exponential, PiecesSeeSwingsThatFitIntoAStep) {
+  for (const double stiffer : {940.0, 990.0, 1040.0}) {
+    const SwingingLoad load{40.0, stiffer, 0.0};
+    const auto wanted = load.run("dop853", 1e-12, 2.0), got = load.run("multirate", 1e-8, 2.0);
+    EXPECT_LT(distance(got->state().v, wanted->state().v), 1e-6 * largest(wanted->state().v)) << stiffer;
+  }
+}
+
+/// Modes that move a body at the tip are followed by polynomials, whose steps are all that keeps `exponential` from those of the ticks.
+TEST(Exponential, GivesWayToPiecesWhereSwingsAloneSetItsSteps) {
+  const SwingingLoad load{4000.0, 1e3, 1e3};
+  const auto alone = load.run("exponential", 1e-8, 20.0), both = load.run("auto", 1e-8, 20.0), wanted = load.run("dop853", 1e-12, 20.0);
+  const IntegratorStatistics of_alone = alone->statistics(), of_both = both->statistics();
+  std::printf("20 s at 1e-8: %ld evaluations and %ld pieces by auto, %ld evaluations by exponential alone\n", of_both.rhs_calls,
+              of_both.inner_steps, of_alone.rhs_calls);
+  EXPECT_LT(2 * of_both.rhs_calls, of_alone.rhs_calls);
+  EXPECT_LT(distance(both->state().v, wanted->state().v), 1e-5 * largest(wanted->state().v));
+  EXPECT_TRUE(both->ledger().pass);
+}
+
 TEST(Exponential, GoesOnBitForBitBeforeAndAfterItGaveWay) {
   TurningLoad whole("auto", 1e-8);
   whole.sim.run(20.0);

@@ -85,7 +85,7 @@ TEST(Multirate, KeepsTheErrorsOfStepsAndOfPiecesApart) {
       const auto exact = make_integrator(in_the_wind(omega, 1e-14), adaptive("dop853", 1e-13));
       const Values start = {0.01, 0.0}, wanted = integrate(*exact, 0.0, start, 2.0);
       OdeProblem p = in_the_wind(omega, 0.01 * tolerance);
-      p.linear = std::make_shared<CoarseOscillator>(omega);
+      p.linear = [=](const std::string&) { return std::make_shared<CoarseOscillator>(omega); };
       const auto integrator = make_integrator(p, adaptive("multirate", tolerance));
       const Values x = integrate(*integrator, 0.0, start, 2.0);
       const IntegratorStatistics s = integrator->statistics();
@@ -108,7 +108,7 @@ TEST(Multirate, TakesNoShorterPiecesForTheirRounding) {
     const auto exact = make_integrator(in_the_wind(omega, 1e-14), adaptive("dop853", 1e-13));
     const Values start = {0.01, 0.0}, wanted = integrate(*exact, 0.0, start, 2.0);
     OdeProblem p = in_the_wind(omega, 0.01 * tolerance);
-    p.linear = std::make_shared<CoarseOscillator>(omega, digits);
+    p.linear = [=](const std::string&) { return std::make_shared<CoarseOscillator>(omega, digits); };
     const auto integrator = make_integrator(p, adaptive("multirate", tolerance));
     const Values x = integrate(*integrator, 0.0, start, 2.0);
     EXPECT_LT(std::abs(x[0] - wanted[0]), 100.0 * tolerance * 0.01) << digits;
@@ -120,7 +120,7 @@ TEST(Multirate, TakesNoShorterPiecesForTheirRounding) {
 /// A linear part that no number of pieces resolves ends the run.
 TEST(Multirate, SaysWhereNoNumberOfPiecesIsEnough) {
   OdeProblem p = in_the_wind(1e9, 1e-10);
-  p.linear = std::make_shared<CoarseOscillator>(1e9);
+  p.linear = [](const std::string&) { return std::make_shared<CoarseOscillator>(1e9); };
   IntegratorOptions o = adaptive("multirate", 1e-8);
   o.initial_step = 1.0;
   auto integrator = make_integrator(p, o);

@@ -129,7 +129,7 @@ class NoLinearPart final : public LinearPart {
 };
 
 inline std::unique_ptr<Integrator> make_by(OdeProblem p, const IntegratorOptions& options) {
-  p.linear = std::make_shared<NoLinearPart>(p.n);
+  p.linear = [n = p.n](const std::string&) { return std::make_shared<NoLinearPart>(n); };
   return make_integrator(std::move(p), options);
 }
 
