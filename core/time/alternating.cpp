@@ -86,7 +86,7 @@ class Alternating final : public Integrator {
   static constexpr int kLook = 200;
   static constexpr int kStretch = 10, kLongest = 64;
   // Evaluations of f by an explicit method that take as long: for each of `exponential` with what it advances, each of `multirate`, and
-  // each of its pieces. Measured for vehicles of 2 to 30 bodies; docs/benchmarks.md.
+  // each of its pieces.
   static constexpr double kInClosedForm = 3.3, kBesidePieces = 2.0, kPiece = 0.5;
 
   /// In evaluations of f by an explicit method, since it was counted last.
