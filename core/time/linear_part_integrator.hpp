@@ -171,7 +171,7 @@ class LinearPartIntegrator : public Integrator {
     if (n_ == 0 || !problem_.rhs(t0_, stage_.data(), xdot_.data())) return;
     linear_.residual(stage_.data(), xdot_.data(), r_1_.data());
     r_1_ -= r_n_;
-    linear_.effect(step_, {r_1_.data(), zero_.data(), zero_.data()}, stage_.data());
+    linear_.effect(statistics_.last_step, {r_1_.data(), zero_.data(), zero_.data()}, stage_.data());
     const double rounding = kLostOfMoved * noise() * norm(stage_);
     if (!(rounding > kMuchRounding)) return;
     report.rounding = rounding;

@@ -601,6 +601,25 @@ TEST(Exponential, GoesOnBitForBitBeforeAndAfterItGaveWay) {
   EXPECT_EQ(methods, (std::set<std::string>{"dop853", "exponential"}));
 }
 
+/// The thousandth step looks at rounding, and may be the first after a checkpoint.
+TEST(Exponential, GoesOnFromACheckpointBeforeItLooksAtRounding) {
+  for (const std::string method : {"exponential", "multirate"}) {
+    const auto model = compiled(flexible_spacecraft());
+    const SimulationOptions options = by_exponential(0.0, 1e-3, method);
+    Simulation whole(model, options);
+    double t = 0.0;
+    for (int tick = 1; whole.statistics().steps < 999; ++tick) whole.run(t = 0.05 * tick);
+    ASSERT_EQ(whole.statistics().steps, 999) << method;
+    Checkpoint made = whole.checkpoint();
+    for (int i = 0; i < 2; ++i) {
+      Simulation rest(model, options);
+      rest.resume(checkpoint_of(checkpoint_text(made)));
+      rest.run(++t);
+      made = rest.checkpoint();
+    }
+  }
+}
+
 /// Torques between its bodies change no momentum, whatever the error of the steps; events inside of steps too.
 TEST(Exponential, KeepsTheMomentumOfAFreeVehicle) {
   for (const std::string method : {"exponential", "multirate"}) {
