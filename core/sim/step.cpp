@@ -154,6 +154,7 @@ bool Simulation::rhs(double t, const double* x, double* xdot) {
 }
 
 bool Simulation::rates(double t, const double* x, double* xdot) {
+  if (loops_ && std::isnan(x[0])) return false;  // by project(), which knows why
   const Model& m = *model_;
   const double *q = with_given_motion(t, x), *v = q + m.nq;
   if (!evaluate(t, std::min(t, stretch_), q, xdot + m.nq)) return false;

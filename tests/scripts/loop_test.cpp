@@ -156,6 +156,30 @@ check { name = "stands", unit = "m/s", below = 1e-12, value = function() return 
   EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
 }
 
+// A jack of one length beside a slide that is given to move: what is told is by how much they contradict each other, and no number that is
+// none.
+TEST(LoopsOfAMission, AreToldByHowMuchGivenMotionsContradictEachOther) {
+  const TemporaryFolder dir;
+  write(dir / "vehicle.yaml", R"yaml(
+cardan: 1
+bodies:
+  bus: {mass: 10, inertia: [3, 4, 5], nodes: {a: {position: [0, 1, 0]}}, hinge: {type: free, to: world}}
+  slider: {mass: 2, inertia: [1, 1, 1], hinge: {type: prismatic, axis: [1, 0, 0], to: bus, prescribed: true}}
+loops:
+  jack: {type: distance, from: bus.a, to: slider, length: 1, prescribed: true}
+)yaml");
+  write(dir / "scenario.lua", R"lua(
+local v = vehicle "vehicle.yaml"
+mission { duration = "2 s" }
+v:hinge("slider"):profile { sine = { amplitude = 0.1, frequency = 0.5, phase = math.pi / 2 } }
+v:loop("jack"):profile { hold = 1 }
+)lua");
+  const Finished run = run_program({"run", ".", "--quiet", "--out", "out"}, dir.path());
+  EXPECT_EQ(run.exit_code, 3) << run.out;
+  EXPECT_NE(run.err.find("failure[N0601]: a loop cannot be kept closed\n"), std::string::npos) << run.err;
+  EXPECT_NE(run.err.find("  row 1 of loop jack: residual 0.0001, "), std::string::npos) << run.err;
+}
+
 // Crank and block are given such that no rod joins them: a vehicle that is refused, but for a mission that says where the block is.
 TEST(LoopsOfAMission, MayCloseAVehicleWhoseOwnStartDoesNot) {
   const TemporaryFolder dir;
