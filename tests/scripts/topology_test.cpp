@@ -613,6 +613,26 @@ check { name = "force", unit = "N", value = function() return brake:get "force" 
   EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
 }
 
+// A nut that is let go and caught where it is: how often it has been turned is told by its way, which one angle does not.
+TEST(Topology, AScrewIsFoundAsOftenTurnedAsItWas) {
+  const char* screwed = R"yaml(
+cardan: 1
+bodies:
+  bolt: {mass: 100, inertia: [30, 40, 50], hinge: {type: free, to: world}}
+  guest: {mass: 2, inertia: [0.01, 0.01, 0.02], hinge: {type: helical, axis: [0, 0.6, 0.8], pitch: 0.02, to: bolt, initial: {angle: 20}}}
+)yaml";
+  constexpr const char* kAgain = R"lua(
+local nut = sat:hinge "guest"
+phase { name = "on", duration = 1, exit_ = function() sat:detach "guest" end }
+phase { name = "loose", duration = 1, exit_ = function() sat:attach("guest", { to = "bolt", type = "helical", axis = { 0, 0.6, 0.8 }, pitch = 0.02 }) end }
+phase { name = "on again" }
+check { name = "angle", unit = "rad", value = function() return nut:angle() end, equal = { 20, tolerance = 1e-12 } }
+)lua";
+  const TemporaryFolder dir;
+  const Finished run = mission(dir, kAgain, screwed);
+  EXPECT_EQ(run.exit_code, 0) << run.out << run.err;
+}
+
 TEST(Topology, WhatHadNoEffectIsToldAtTheEnd) {
   const TemporaryFolder dir;
   const char* latched = R"yaml(
