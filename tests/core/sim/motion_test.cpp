@@ -426,7 +426,7 @@ TEST(Prescribed, ADriveGivesWhatTheMotionNeedsBesideSpringsAndCouplings) {
     }
 }
 
-/// Two wheels at rest, and 2 a - b given as t^2/2: -2 L and L turn them.
+/// Two wheels at rest, and 2 a - b given as t/5 + t^2/2, a blow first: 2 L and -L turn them.
 TEST(Prescribed, APhaseTurnsWhatItCouplesInAllForms) {
   const BodySpec a = on(rigid("a", 1.0, {0, 0, 0}, diagonal({0.2, 0.2, 0.3})), "", "revolute", {{0, 0, 1}});
   const BodySpec b = on(rigid("b", 1.0, {0, 0, 0}, diagonal({0.3, 0.3, 0.5})), "", "revolute", {{0, 0, 1}});
@@ -436,12 +436,12 @@ TEST(Prescribed, APhaseTurnsWhatItCouplesInAllForms) {
     SystemSpec spec = system({a, b});
     spec.loop_form = form, spec.loops = {phase};
     Simulation sim(compiled(spec), by(form == LoopForm::dae ? "ida" : "dopri5"));
-    sim.prescribe_loop("phase", MotionProfile::rate_table({{0.0, 0.0}, {1.0, 1.0}}));
+    sim.prescribe_loop("phase", MotionProfile::rate_table({{0.0, 0.2}, {1.0, 1.2}}));
     sim.run(0.5);
-    const double L = 1.0 / (4.0 / 0.3 + 1.0 / 0.5);
-    EXPECT_NEAR(sim.state().v[0], 2.0 * L / 0.3 * 0.5, 1e-8);
-    EXPECT_NEAR(sim.state().v[1], -L / 0.5 * 0.5, 1e-8);
-    EXPECT_NEAR(2.0 * sim.state().q[0] - sim.state().q[1], 0.125, 1e-8);
+    const double L = 0.7 / (4.0 / 0.3 + 1.0 / 0.5);
+    EXPECT_NEAR(sim.state().v[0], 2.0 * L / 0.3, 1e-8);
+    EXPECT_NEAR(sim.state().v[1], -L / 0.5, 1e-8);
+    EXPECT_NEAR(2.0 * sim.state().q[0] - sim.state().q[1], 0.225, 1e-8);
   }
 }
 
