@@ -62,6 +62,7 @@ MethodChoice choose_method(const std::shared_ptr<const Model>& model, double int
   if (closed_form && beside.rate <= kBeside * fastest.rate) {
     method = "exponential";
     out.options.rivals = {asked.relative_tolerance < kHighOrder ? "dop853" : "dopri5", "multirate"};
+    out.options.fastest = fastest.rate;
     out.why = told + often + ": it is advanced in closed form" +
               fmt::format("; where the error sets its steps, {} and multirate are tried beside it, and what costs least goes on",
                           out.options.rivals.front()) +

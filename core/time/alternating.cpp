@@ -58,9 +58,9 @@ class Alternating final : public Integrator {
 
   void remember(Archive& archive) override {
     const int was = turn_;
-    archive(turn_, trying_, steps_, by_error_, passed_, cost_before_, budget_, stretch_, longer_, told_, std::span(price_), std::span(y_),
-            std::span(error_));
-    const auto known = [&](int method) { return method >= 0 && method < static_cast<int>(names_.size()); };
+    archive(turn_, trying_, far_, steps_, by_error_, passed_, cost_before_, budget_, stretch_, longer_, told_, std::span(price_),
+            std::span(y_), std::span(error_));
+    const auto known = [&](int method) { return method == 0 || is_rival(method); };
     if (archive.reading() && !(known(turn_) && known(told_) && longer_ >= 1 && longer_ <= kLongest))
       archive.wrong("counts of steps are none");
     before_.remember(archive);
@@ -85,6 +85,8 @@ class Alternating final : public Integrator {
  private:
   static constexpr int kLook = 200;
   static constexpr int kStretch = 10, kLongest = 64;
+  static constexpr double kFar = 10.0;  // [rad] of the fastest motion in a step of the first: an explicit method costs more
+  static constexpr double kDear = std::numeric_limits<double>::max();
   // Evaluations of f by an explicit method that take as long: for each of `exponential` with what it advances, each of `multirate`, and
   // each of its pieces.
   static constexpr double kInClosedForm = 3.3, kBesidePieces = 2.0, kPiece = 0.5;
@@ -118,10 +120,11 @@ class Alternating final : public Integrator {
     if (!trying_) {
       next_ = 0, trying_ = true;
     } else {
-      price_[static_cast<std::size_t>(turn_)] = passed_ > 0.0 ? cost_now / passed_ : std::numeric_limits<double>::infinity();
-      if (turn_ == 0) budget_ = cost_now;
-      next_ = turn_ + 1;
-      if (next_ == static_cast<int>(names_.size())) {
+      price_[static_cast<std::size_t>(turn_)] = passed_ > 0.0 ? cost_now / passed_ : kDear;
+      if (turn_ == 0) budget_ = cost_now, far_ = passed_ * options_.fastest > kFar * static_cast<double>(steps_);
+      for (next_ = turn_ + 1; is_rival(next_) && far_ && !advances_linear_part(name_of(next_)); ++next_)
+        price_[static_cast<std::size_t>(next_)] = kDear;
+      if (!is_rival(next_)) {
         next_ = static_cast<int>(std::ranges::min_element(price_) - price_.begin());
         trying_ = false;
         stretch_ = kStretch * longer_ * budget_;
@@ -134,6 +137,7 @@ class Alternating final : public Integrator {
     return name_of(told_);
   }
 
+  bool is_rival(int method) const { return method > 0 && method < static_cast<int>(names_.size()); }
   const std::string& name_of(int method) const { return names_[static_cast<std::size_t>(method)]; }
 
   void make(double initial_step) {
@@ -162,6 +166,7 @@ class Alternating final : public Integrator {
   std::vector<std::string> names_;  // the first method, its rivals
   std::unique_ptr<Integrator> now_;
   int turn_ = 0, next_ = 0, told_ = 0;   // which one it is; which one begins where this one is; which one was told to go on
+  bool far_ = false;                     // no explicit one is tried
   bool trying_ = true;                   // else it goes on
   long steps_ = 0, by_error_ = 0;        // since it is tried; of them, those whose length the error has set
   double passed_ = 0.0;                  // [s] since then

@@ -158,6 +158,7 @@ struct IntegratorOptions {
   double fixed_step = 0.0;               // [s] rk4, variational, variational4
   std::string linear_solver = {};        // of Newton's equations, ark_implicit and cvode_bdf only: dense (when empty), krylov; ida: sparse
   std::vector<std::string> rivals = {};  // of `exponential`: methods that go on in its place where they cost less; by choose_method()
+  double fastest = 0.0;                  // [1/s] a swing or decay that the explicit ones of these cannot step over; 0: not known
 };
 
 struct IntegratorStatistics {

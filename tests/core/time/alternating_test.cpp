@@ -8,12 +8,12 @@ namespace {
 
 /// x = cos t, v = -sin t, and the integral of v^2; first by `exponential`, which has nothing linear there and is an explicit method of
 /// order 3: at 1e-9 those of higher order cost a fraction of it.
-std::unique_ptr<Integrator> taking_turns(std::vector<std::string> rivals) {
+std::unique_ptr<Integrator> taking_turns(std::vector<std::string> rivals, double fastest = 0.0) {
   OdeProblem p = oscillator(1e-8);
   p.n_quadrature = 1;
   p.integrands = [](double, const double* x, double* rate) { rate[0] = x[1] * x[1]; };
   IntegratorOptions o = adaptive("exponential", 1e-9);
-  o.rivals = std::move(rivals);
+  o.rivals = std::move(rivals), o.fastest = fastest;
   return make_by(std::move(p), o);
 }
 
@@ -62,6 +62,13 @@ TEST(Alternating, TriesAllRivalsInTurn) {
   for (const Stay& stay : all) methods.push_back(stay.method);
   EXPECT_EQ(methods, (std::vector<std::string>{"exponential", "dop853", "multirate", "dopri5", "dop853"}));
   EXPECT_EQ(told, std::vector<std::string>{"dop853"});
+}
+
+/// An explicit method follows what is fastest, or is not stable: where a step is many times that, none is tried.
+TEST(Alternating, TriesNoExplicitOneBesideStepsThatAreFarLonger) {
+  std::vector<std::string> told, methods;
+  for (const Stay& stay : stays(*taking_turns({"dop853", "multirate"}, 1e6), 4, told)) methods.push_back(stay.method);
+  EXPECT_EQ(methods, (std::vector<std::string>{"exponential", "multirate", "exponential", "multirate"}));
 }
 
 /// Where ticks set its steps no rival has anything to gain.
